@@ -21,6 +21,7 @@ class SkillError(ArmtreeError):
         node: Path of the node if the error was found before the run; else empty.
         place: Its place in a file, and the places that refer to it; empty with `node`.
         files: Texts of the files of its task, by name; empty with `node`.
+        argument: Name of the argument that has the invalid value; empty if there is none.
     """
 
     code = "skill.error"
@@ -30,6 +31,7 @@ class SkillError(ArmtreeError):
     heading = "The task failed"
     node = ""
     place = ""
+    argument = ""
     files: Mapping[str, str] = MappingProxyType({})
     location: tuple[str | int, ...] = ()
 

@@ -12,7 +12,7 @@ from hardware import Robot
 from skills import Context, Skill, SkillError, combine_errors
 
 from .analysis.unreachable_nodes import check_outcomes
-from .compile.arguments import FILE, as_text, wrong
+from .compile.arguments import FILE, as_text, name_of, wrong
 from .compile.compiler import CompiledTree, TreeCompiler
 from .compile.leaf import Leaf
 from .compile.node_paths import paths
@@ -88,7 +88,7 @@ def build(
         raise wrong([*found, *(refusal.mistake for refusal in refused)], given)
     files = {**({FILE: as_text(given)} if given else {}), **tree.files}
     if refused:
-        raise _cause(refused, tree, files, in_file)
+        raise _cause(refused, tree, files, in_file, given)
     for leaf in tree.leaves.values():
         _wire(leaf)
     skills = tuple(leaf.skill for leaf in tree.leaves.values())
@@ -106,7 +106,11 @@ def refusals(tree: CompiledTree, robot: Robot) -> list[RefusedInput]:
 
 
 def _cause(
-    refused: Sequence[RefusedInput], tree: CompiledTree, files: Mapping[str, str], in_file: bool
+    refused: Sequence[RefusedInput],
+    tree: CompiledTree,
+    files: Mapping[str, str],
+    in_file: bool,
+    arguments: Mapping[str, Located],
 ) -> Exception:
     """Combine refusals into one error with the class and node of the first, and all messages."""
     for refusal in refused if in_file else ():
@@ -119,6 +123,7 @@ def _cause(
         cause.node = dict(paths(tree.root))[first.node]
         cause.place = ", used by ".join(_places(tree, first.node)) if in_file else ""
         cause.files = files
+        cause.argument = name_of(first.value, arguments)
     return cause
 
 

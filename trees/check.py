@@ -23,7 +23,7 @@ from skills.motion import Pool
 from .analysis.collisions import CollisionChecks
 from .analysis.unreachable_nodes import check_outcomes
 from .build import refusals
-from .compile.arguments import wrong
+from .compile.arguments import name_of, wrong
 from .compile.compiler import CompiledTree, TreeCompiler
 from .compile.data_flow import short_name
 from .compile.move_words import wrong_units
@@ -211,7 +211,7 @@ def compile_task(
         raise wrong([*tree.mistakes.found, *mistakes], arguments or {})
     if validated and (refused := refusals(tree, robot)):
         given = arguments or {}
-        raise wrong([_of_argument(each, given) or each.mistake for each in refused], given)
+        raise wrong([_mistake(each, given) for each in refused], given)
     return tree
 
 
@@ -221,13 +221,10 @@ def _files(file: Path, robot: str) -> Sequence[Path]:
     return [path for folder in folders for path in sorted(folder.glob("*.yaml"))] or [file]
 
 
-def _of_argument(refusal: RefusedInput, arguments: Mapping[str, Located]) -> Mistake | None:
-    """Return the refusal of an argument, as its mistake; None for a value of a file."""
-    for name, each in arguments.items():
-        value = refusal.value
-        if value and (value.place, value.value) == (each.place, each.value):
-            return Mistake(each.place, f"{name}: {refusal.error}")
-    return None
+def _mistake(refusal: RefusedInput, arguments: Mapping[str, Located]) -> Mistake:
+    """Return a refusal as a mistake of the argument that has the value, or else of a file."""
+    name, value = name_of(refusal.value, arguments), refusal.value
+    return Mistake(value.place, f"{name}: {refusal.error}") if name and value else refusal.mistake
 
 
 def _jobs(

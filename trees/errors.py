@@ -70,6 +70,11 @@ class Place:
         return f"{self.path.name}:{self.line}"
 
     @property
+    def argument(self) -> str:
+        """Name of the argument, for a place in arguments."""
+        return re.split(r"[.[]", self.location)[0]
+
+    @property
     def brackets(self) -> str:
         """Text from the bracket at this place to its end; empty if it ends in another line."""
         depth, line = 0, self.lines[self.line - 1] if 0 < self.line <= len(self.lines) else ""
@@ -351,7 +356,11 @@ class DuplicateTask(FileError):
 
 
 class BadArguments(FileError):
-    """The arguments of a task are wrong; its file is valid."""
+    """The arguments of a task are wrong; its file is valid.
+
+    Attributes:
+        argument: Name of the first wrong argument; empty if unknown.
+    """
 
     code = "goal.bad_arguments"
     exit_status = 4
@@ -360,6 +369,7 @@ class BadArguments(FileError):
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
         super().__init__(map(_without_line, mistakes))
+        self.argument = self.mistakes[0].place.argument
 
 
 def _without_line(mistake: Mistake) -> Mistake:
@@ -367,7 +377,7 @@ def _without_line(mistake: Mistake) -> Mistake:
     place = mistake.place
     if len(place.lines) > 1:
         return mistake
-    return replace(mistake, place=Place(place.path), instead=None)
+    return replace(mistake, place=Place(place.path, location=place.location), instead=None)
 
 
 class UnknownTask(TreeError):

@@ -57,6 +57,7 @@ class Cause:
         hint: Advice for the user.
         place: Place of a node that is refused before the run, and the places that refer to it, as
             `FILE:LINE, used by FILE:LINE`; else empty.
+        argument: Name of the argument of the task that has the wrong value; else empty.
     """
 
     code: str
@@ -67,6 +68,7 @@ class Cause:
     limit: float | None = None
     hint: str = ""
     place: str = ""
+    argument: str = ""
 
     def __str__(self) -> str:
         """Return the message, with the code and the node."""
@@ -332,6 +334,7 @@ def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
         limit=_limit(error),
         hint=known.hint,
         place=str(getattr(error, "place", "")),
+        argument=str(getattr(error, "argument", "")),
     )
 
 

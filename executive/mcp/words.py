@@ -84,7 +84,7 @@ def run_lines(row: Mapping[str, Any], window: Mapping[str, Any]) -> Iterator[str
         yield f"{cause['message']} [{cause['code']}]"
         yield from (
             f"{key} {cause[key]}"
-            for key in ("node", "place", "joint", "value", "limit")
+            for key in ("node", "place", "argument", "joint", "value", "limit")
             if cause[key]
         )
         if cause["hint"]:

@@ -198,6 +198,7 @@ class Result:
         hint: Advice for the user.
         place: Place of a node that is refused before the run, and the places that refer to it;
             else empty.
+        argument: Name of the argument that has the wrong value; else empty.
     """
 
     time: float
@@ -215,6 +216,7 @@ class Result:
     limit: float | None = None
     hint: str = ""
     place: str = ""
+    argument: str = ""
 
     def queued(self, goal: Goal) -> float:
         """Return the time of the goal in the queue [s]; 0 if it started at once."""

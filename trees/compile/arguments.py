@@ -36,7 +36,7 @@ def read_arguments(settings: Sequence[str], tasks: Sequence[int] = ()) -> dict[s
             continue
         if name in arguments:
             wrong.append(_wrong(source, f"{name} is given twice"))
-        arguments[name] = _parsed(text, source, wrong)
+        arguments[name] = _parsed(text, source, name, wrong)
     return _right(arguments, wrong)
 
 
@@ -48,7 +48,7 @@ def located(arguments: Mapping[str, str | Located]) -> dict[str, Located]:
     """
     wrong: list[Mistake] = []
     read = {
-        name: _parsed(value, _SOURCE, wrong, f"{name}: ") if isinstance(value, str) else value
+        name: _parsed(value, _SOURCE, name, wrong, f"{name}: ") if isinstance(value, str) else value
         for name, value in arguments.items()
     }
     return _right(read, wrong)
@@ -67,11 +67,20 @@ def wrong(mistakes: Iterable[Mistake], arguments: Mapping[str, Located]) -> File
     return (BadArguments if callers else FileError)(found)
 
 
-def _parsed(text: str, source: str, wrong: list[Mistake], label: str = "") -> Located:
+def name_of(value: Located | None, arguments: Mapping[str, Located]) -> str:
+    """Return the name of the argument that has a value; empty for a value of a file."""
+    if value and any(value.place.path == each.place.path for each in arguments.values()):
+        return value.place.argument
+    return ""
+
+
+def _parsed(text: str, source: str, name: str, wrong: list[Mistake], label: str = "") -> Located:
     try:
-        return parse_value(text, source)
+        return parse_value(text, source, name)
     except FileError as error:
-        wrong += (replace(each, message=f"{label}{each.message}") for each in error.mistakes)
+        for each in error.mistakes:
+            place = replace(each.place, location=each.place.location or name)
+            wrong.append(replace(each, place=place, message=f"{label}{each.message}"))
         return Located(MISSING, REFUSED, MISSING)
 
 

@@ -160,7 +160,8 @@ class TreeCompiler:
             if checked is not None:
                 given[name] = checked
             elif arguments is not None:
-                self._wrong(MISSING, f"the parameter {name} must be given, with --set {name}=VALUE")
+                missing = replace(MISSING, location=name)
+                self._wrong(missing, f"the parameter {name} must be given, with --set {name}=VALUE")
         return given
 
     def _given(self, name: str, declared: Declaration, value: Value | None) -> Value | None:

@@ -165,12 +165,13 @@ def read_text(path: Path) -> str:
         raise FileError([Mistake(place, why)]) from error
 
 
-def draft_document(path: Path, text: str) -> tuple[Located, list[Mistake]]:
+def draft_document(path: Path, text: str, location: str = "") -> tuple[Located, list[Mistake]]:
     """Read one YAML document. Continue after mistakes.
 
     Args:
         path: File name for errors.
         text: Text of the document.
+        location: Location of the whole document.
 
     Returns:
         The document, with None in place of every wrong value; and the mistakes.
@@ -185,7 +186,7 @@ def draft_document(path: Path, text: str) -> tuple[Located, list[Mistake]]:
         raise FileError(forbidden)
     reader = _Reader(path, text)
     try:
-        return reader.document(), reader.mistakes
+        return reader.document(location), reader.mistakes
     except MarkedYAMLError as error:
         marks = [mark for mark in (error.problem_mark, error.context_mark) if mark]
         lines = split_lines(text)
@@ -295,14 +296,14 @@ class _Reader:
         self.mistakes: list[Mistake] = []
         self._anchors: dict[str, tuple[Located, str]] = {}  # value and its text
 
-    def document(self) -> Located:
+    def document(self, location: str) -> Located:
         next(self._events)  # the stream begins
         begin = next(self._events)
         if isinstance(begin, StreamEndEvent):
             self._end(
                 self._place(begin, ""), "the file is empty; `armtree new` writes one that runs"
             )
-        root = self._value(next(self._events), 0, "")
+        root = self._value(next(self._events), 0, location)
         next(self._events)  # the document ends
         after = next(self._events)
         if not isinstance(after, StreamEndEvent):

@@ -195,17 +195,18 @@ def draft_poses(path: Path, text: str) -> tuple[PosesFile, list[Mistake]]:
     return PosesFile(path, text, poses, labels, replaces), parser.mistakes.found
 
 
-def parse_value(text: str, source: str) -> Located:
+def parse_value(text: str, source: str, location: str = "") -> Located:
     """Read a value that is not in a file, such as an argument of the command line.
 
     Args:
         text: The value in YAML.
         source: Name of its source, for errors.
+        location: Location of the value in its source.
 
     Raises:
         FileError: The text is not YAML.
     """
-    root, mistakes = draft_document(Path(source), text)
+    root, mistakes = draft_document(Path(source), text, location)
     return _strict(root, mistakes)
 
 

@@ -3,6 +3,7 @@
 import json
 import logging
 import threading
+from typing import Any
 
 import pytest
 
@@ -36,6 +37,7 @@ def test_a_failure_is_reported_the_same_everywhere(
         *(pytest.approx(1.5707963), "choose a target within the limits"),
         "reach.yaml:11, used by 15_far.yaml:5",
     ]
+    assert cause["argument"] == ""
     reported = type_in("send", "15", "--wait", "--json")[1].splitlines()
     assert json.loads(reported[-1])["cause"] == cause
     words = f"{cause['message']} [goal.out_of_bounds at far/CheckBounds]"
@@ -45,6 +47,39 @@ def test_a_failure_is_reported_the_same_everywhere(
     logged = [record.message for record in caplog.records]
     said = f"The goal for task 15 ({goal}) ended ABORTED: {words} -> {hint}"
     assert said in logged
+
+
+TURN = """\
+task: 16
+name: turn
+description: Turn joints.
+parameters:
+  near: {type: duration, default: 10 ms}
+  to: {type: positions}
+tree:
+  sequence:
+    - Wait: {duration: $near}
+    - subtree: move_joints
+      with: {joints: $to}
+"""
+
+
+def test_a_failure_names_the_argument_that_is_wrong(typed: tuple[Served, Typed]) -> None:
+    served, _ = typed
+    served.executive.arm_to("activate")
+    (served.tasks / "16_turn.yaml").write_text(TURN)
+
+    def cause(**arguments: str) -> Any:
+        status, answer = served.ask("POST", "/api/goals", {"task": 16, "arguments": arguments})
+        if status == 201:
+            answer = served.ask("GET", f"/api/goals/{answer['goal_id']}/result")[1]["cause"]
+        return answer["code"], answer["argument"], answer["joint"]
+
+    assert cause(to="{joint_2: 0.1, joint_1: 9}") == ("goal.out_of_bounds", "to", "joint_1")
+    assert cause(to="{joint_1: 1}", near="2 kg") == ("goal.bad_arguments", "near", "")
+    assert cause(to="{joint_1: ") == ("goal.bad_arguments", "to", "")
+    assert cause(near="1 s") == ("goal.bad_arguments", "to", "")
+    assert cause(to="{joint_1: 1}", far="1") == ("goal.bad_arguments", "far", "")
 
 
 def test_the_help_names_the_default(typed: tuple[Served, Typed]) -> None:

@@ -11,6 +11,7 @@ from contextlib import suppress
 import pytest
 
 from armtree import AsyncClient, Client
+from executive.api.outcome import Cause
 from executive.client import responses
 from executive.errors import ClientError, Refused, ServerUnreachable, WrongAnswer
 
@@ -224,8 +225,7 @@ def test_the_head_of_events_has_a_deadline(drip: str, monkeypatch: pytest.Monkey
 
 
 def test_an_error_of_the_server_is_not_one_of_another_program(say: Say) -> None:
-    error = {"code": "goal.busy", "message": "no", "node": "", "joint": "", "hint": "", "place": ""}
-    data = http(json.dumps(error | {"value": None, "limit": None}).encode(), "409 Conflict")
+    data = http(json.dumps(Cause("goal.busy", "no").to_json()).encode(), "409 Conflict")
     with Client(say(data), "x") as client, pytest.raises(Refused, match="no") as refused:
         client.send(1)
     assert refused.value.code == "goal.busy"

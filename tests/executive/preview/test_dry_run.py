@@ -89,6 +89,7 @@ def test_a_dry_run_says_why_the_run_would_fail(serve: Serve) -> None:
     error = served.ask("POST", "/api/plan", wrong)[1]
     limits = "joint_1 = 120 deg is outside its limits, -90 deg to 90 deg"
     assert (error["code"], error["message"]) == ("goal.bad_arguments", f"arguments: far: {limits}")
+    assert error["argument"] == "far"
     assert planned(served, 11)["unknown"] == []
     served.executive.send(10)
     assert served.ask("POST", "/api/plan", {"task": 1})[1]["code"] == "goal.under_way"

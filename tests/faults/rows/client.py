@@ -244,7 +244,7 @@ def escapes(scene: Scene) -> None:
     ]
     fields = {"code": "goal.busy", "message": FORGED, "hint": FORGED, "node": EVIL}
     error = json.dumps(
-        {**fields, "joint": "", "place": EVIL, "value": None, "limit": None}
+        {**fields, "joint": "", "place": EVIL, "argument": EVIL, "value": None, "limit": None}
     ).encode()
     with program(answer(error, "409 Conflict")) as address:
         ends.append((scene.armtree("status", "--server", f"http://{address}"), 4))

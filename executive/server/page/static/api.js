@@ -7,6 +7,8 @@
  */
 
 const KEY = "armtree-token";
+const TIMEOUT = 10_000; // longest time for an answer, so that what waits for it goes on [ms]
+const RETRY = 1000; // after a request without an answer [ms]
 
 /** Cookies of other programs on this machine could make a stop too long to be served first. */
 const isLocal = ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
@@ -21,6 +23,7 @@ const CREDENTIALS = isLocal ? "omit" : "same-origin";
  * @property {string} joint empty if the cause concerns none
  * @property {string} hint
  * @property {string} place lines of a node that was refused before the run; else empty
+ * @property {string} argument of the task, whose value is wrong; else empty
  */
 
 /** What to do on this page, by code; the hints of the server name commands. */
@@ -61,6 +64,7 @@ export class Refused extends Error {
     super(plain(message.includes(hint) ? message : `${message}. ${sentence(hint)}`));
     this.status = status;
     this.code = cause.code;
+    this.argument = cause.argument;
   }
 }
 
@@ -121,12 +125,28 @@ export async function checkSession() {
 
 /**
  * @param {string} path
- * @param {AbortSignal} [signal]
+ * @param {AbortSignal | null} [signal] null to wait for what the server reads at length
  * @param {"json" | "arrayBuffer"} [kind]
  * @returns {Promise<any>} the JSON, or the bytes
  */
-export async function get(path, signal, kind = "json") {
+export async function get(path, signal = AbortSignal.timeout(TIMEOUT), kind = "json") {
   return (await request(path, { signal }))[kind]();
+}
+
+/**
+ * Ask until the server answers.
+ * @param {string} path
+ * @returns {Promise<any>} the JSON; throws Refused if the server refuses it
+ */
+export async function getAtLast(path) {
+  for (;;) {
+    try {
+      return await get(path);
+    } catch (error) {
+      if (error instanceof Refused) throw error;
+      await new Promise((done) => setTimeout(done, RETRY));
+    }
+  }
 }
 
 /**

@@ -43,35 +43,29 @@ export class Connection extends EventTarget {
   alive = false;
   /** Why the server refuses to be watched; empty if it does not. */
   refusal = "";
-  /** False if the server has recordings and no arm. */
-  hasArm = true;
+  /** @type {boolean | undefined} false if the server has recordings and no arm; not known at first */
+  hasArm;
   /** True if too many other tabs have a stream. */
   crowded = false;
 
   #stream = new AbortController();
-  #started = false;
   #streaming = false;
   #timer = 0;
 
   /** Begin to watch. */
-  async start() {
-    await get("api/health").then(
-      ({ arm }) => (this.hasArm = arm),
-      () => {}, // the first status says why
-    );
+  start() {
     document.addEventListener("visibilitychange", () => {
       if (document.hidden) this.#stream.abort();
       else this.refresh();
     });
-    this.#started = true;
     this.refresh();
   }
 
-  /** Ask for the status now, and then once a period; not before it is known if there is an arm. */
+  /** Ask for the status now, and then once a period; before, whether there is an arm. */
   async refresh() {
-    if (!this.#started) return;
     clearTimeout(this.#timer);
     try {
+      this.hasArm ??= (await get("api/health", AbortSignal.timeout(TIMEOUT))).arm;
       const path = this.hasArm ? "api/status" : "api/health";
       const status = await get(path, AbortSignal.timeout(TIMEOUT));
       this.#setAlive(true, "");
@@ -131,9 +125,11 @@ export class Connection extends EventTarget {
   }
 
   async #read() {
-    this.#stream = new AbortController();
+    const stream = (this.#stream = new AbortController());
+    const timer = setTimeout(() => stream.abort(), TIMEOUT);
     try {
-      const response = await request("api/events", { signal: this.#stream.signal });
+      const response = await request("api/events", { signal: stream.signal });
+      clearTimeout(timer);
       checkSession(); // the server may be another one
       this.dispatchEvent(new Event("begin"));
       for await (const detail of readEvents(response))

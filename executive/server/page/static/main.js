@@ -1,6 +1,6 @@
 /** Starts the page: connects the server's events to the model, and the model to the views. */
 
-import { get, isSignedIn, pathOf, session, signIn } from "./api.js";
+import { getAtLast, isSignedIn, pathOf, session, signIn } from "./api.js";
 import { Connection } from "./connection.js";
 import { byId, ignoreUnusable, oncePerFrame, reveal, setText } from "./dom.js";
 import { Cursor } from "./model/cursor.js";
@@ -21,16 +21,15 @@ import { showStop } from "./views/stop.js";
 import { TasksView } from "./views/tasks.js";
 import { TreeView } from "./views/tree.js";
 
-const FINISHING = 1500; // a recording is finished about this time after its goal [ms]
-
 const connection = new Connection();
 const shown = new ShownRun();
 const cursor = new Cursor();
 /** @type {import("./connection.js").Status | null} */
 let status = null;
-let finishing = 0; // timer
 /** @type {import("./arm/model.js").Robot | null} the robot of the server */
 let live = null;
+let isLiveRobot = false; // whether that one is drawn
+let empty = true; // until a run is shown
 
 const drawStop = showStop(
   () => connection.alive || connection.heard === 0,
@@ -66,7 +65,7 @@ function drawAll() {
   drawPause(shown, status?.paused ?? false);
   controls.draw(status);
   // Until the user asks for a moment of the last run, the arm is shown where it is now.
-  const isNow = connection.hasArm && shown.isLast && cursor.live;
+  const isNow = connection.hasArm && isLiveRobot && shown.isLast && cursor.live;
   arm.draw(shown, isNow ? shown.live : shown.run);
   arm.drawOther(comparison.run);
   runs.draw(shown.recorded?.name ?? runs.recordingOf(shown.live));
@@ -101,12 +100,13 @@ connection.addEventListener("begin", async () => {
   runs.hasArm = connection.hasArm;
   document.body.classList.toggle("no-arm", !connection.hasArm);
   byId("stop", HTMLElement).hidden = !connection.hasArm;
-  await showRobot().catch((error) => setText(byId("no-3d", HTMLElement), `The robot is not shown: ${error.message}`));
-  drawShownRobot();
+  showRobot()
+    .catch((error) => setText(byId("no-3d", HTMLElement), `The robot is not shown: ${error.message}`))
+    .then(drawShownRobot);
   shown.recorded?.seek(cursor.time); // what could not be loaded before
+  empty ||= !shown.live.goalId && !shown.recorded;
   await runs.refresh();
   await catchUp();
-  if (!shown.live.goalId && !shown.recorded) await openAddress();
   draw();
 });
 connection.addEventListener("event", (event) => {
@@ -114,11 +114,8 @@ connection.addEventListener("event", (event) => {
   if (detail.event === "question") questions.update(detail);
   shown.update(detail);
   // With the event of a goal, its recording has begun.
-  if (detail.event === "status" || detail.event === "goal") runs.refresh().then(draw);
-  if (detail.event !== "status" || !detail.result) return;
-  connection.refresh(); // what can be done next
-  clearTimeout(finishing);
-  finishing = setTimeout(() => runs.refresh().then(draw), FINISHING);
+  if (detail.event === "status" || detail.event === "goal") runs.refresh();
+  if (detail.event === "status" && detail.result) connection.refresh(); // what can be done next
 });
 connection.addEventListener("status", (event) => {
   status = /** @type {CustomEvent} */ (event).detail;
@@ -129,6 +126,7 @@ connection.addEventListener("status", (event) => {
 connection.addEventListener("change", draw);
 shown.addEventListener("change", () => cursor.extend(shown.length));
 shown.addEventListener("open", () => {
+  empty = false;
   cursor.follow();
   drawShownRobot();
 });
@@ -166,8 +164,11 @@ runs.addEventListener("open", async (event) => {
   drawAll();
   bringIntoView(byId(shown.run.state === "ABORTED" ? "failure" : "tree-panel", HTMLElement));
 });
-runs.addEventListener("change", draw);
-player.addEventListener("change", () => runs.refresh().then(draw));
+runs.addEventListener("change", () => {
+  if (empty) openAddress();
+  draw();
+});
+player.addEventListener("change", () => runs.refresh());
 player.addEventListener("delete", (event) => deleteRecording(/** @type {CustomEvent} */ (event).detail));
 comparison.addEventListener("change", draw);
 comparison.addEventListener("error", (event) => player.say(/** @type {CustomEvent} */ (event).detail));
@@ -195,17 +196,16 @@ async function catchUp() {
   const recording = runs.recordings.find((each) => each.name === runs.recordingOf(live));
   if (!shown.isLive || !recording) return;
   if (isFinished(recording)) await open(recording.name, undefined, false);
-  else setTimeout(() => runs.refresh().then(catchUp).then(draw), FINISHING);
+  else runs.addEventListener("change", catchUp, { once: true });
 }
 
 async function showRobot() {
   if (!connection.hasArm) return; // each recording has its own
-  const robot = await get("api/robot");
+  const robot = await getAtLast("api/robot");
   setText(byId("robot", HTMLElement), robot.name);
   document.title = `${robot.name}, armtree`;
   setText(byId("opening", HTMLElement), `Activating opens the port; the arm then ${robot.opening}.`);
   live = robot;
-  // Without an answer, the next stream asks again.
   Promise.allSettled([move.show(), poses.show(Object.keys(robot.groups))]).then(() => {
     acts = [];
     draw();
@@ -217,6 +217,7 @@ async function showRobot() {
  * @param {import("./arm/model.js").Robot} robot
  */
 function drawRobot(robot) {
+  isLiveRobot = JSON.stringify(robot) === JSON.stringify(live);
   arm.show(robot, draw);
   plots.show(robot.joints, draw);
   for (const joint of robot.joints) comparison.units.set(joint.name, joint.unit);
@@ -226,7 +227,7 @@ function drawRobot(robot) {
 async function drawShownRobot() {
   const name = shown.recorded?.name;
   if (!name) return live ? drawRobot(live) : undefined;
-  const robot = await get(`${pathOf(name)}/robot`).catch(() => live); // a recording may lack it
+  const robot = await getAtLast(`${pathOf(name)}/robot`).catch(() => live); // a recording may lack it
   if (robot && shown.recorded?.name === name) drawRobot(robot);
   if (robot && !connection.hasArm) setText(byId("robot", HTMLElement), robot.name);
 }
@@ -248,10 +249,13 @@ async function open(name, time, held) {
 /** Show the moment that the address names: `#recording=NAME&t=3.2`, or else the newest run. */
 async function openAddress() {
   const words = new URLSearchParams(location.hash.slice(1));
-  const newest = runs.recordings.find(isFinished)?.name;
-  const name = words.get("recording") ?? newest;
+  const newest = runs.recordings.find((each) => isFinished(each) || runs.isFinishing(each));
+  const finished = newest && isFinished(newest) && newest.name; // else it may be so in the next list
+  const name = words.get("recording") ?? finished;
   const time = words.has("t") ? Math.max(0, Number(words.get("t"))) || 0 : undefined;
-  if (name) await open(name, time, location.hash !== "");
+  if (!name) return;
+  empty = false;
+  await open(name, time, location.hash !== "");
 }
 
 /**
@@ -270,6 +274,7 @@ async function deleteRecording(name) {
   if (!recording) return;
   try {
     await runs.delete(recording);
+    if (location.hash.includes(name)) history.replaceState(null, "", location.pathname);
     shown.follow();
   } catch (error) {
     player.say(error);

@@ -77,7 +77,8 @@ def test_errors_of_a_server(typed: tuple[Served, Typed]) -> None:
         "message": f"{EVIL}\nError: forged",
         "hint": EVIL,
     }
-    error |= {"node": EVIL, "joint": EVIL, "place": EVIL, "value": None, "limit": None}
+    error |= dict.fromkeys(("node", "joint", "place", "argument"), EVIL)
+    error |= {"value": None, "limit": None}
     body = json.dumps(error).encode()
     head = f"HTTP/1.1 409 Conflict\r\ncontent-length: {len(body)}\r\n\r\n"
     with socket.create_server(("127.0.0.1", 0)) as listener:

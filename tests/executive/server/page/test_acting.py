@@ -47,35 +47,41 @@ TURN = """task: 21
 name: turn
 description: Turn.
 parameters:
-  far: {type: angle, default: 10 deg, min: 0, max: 40 deg, description: how far}
+  far: {type: angle, default: 10 deg, min: 0, max: 95 deg, description: how far}
 tree:
   subtree: move_joints
   with: {joints: {joint_1: $far}}
 """
 
 
-def test_a_form_checks_quantities_as_they_are_typed(open_page: Open, page_server: Served) -> None:
+def test_a_form_says_at_a_field_what_is_wrong(open_page: Open, page_server: Served) -> None:
     (page_server.tasks / "21_turn.yaml").write_text(TURN)
     tab = open_page()
     turn = task("21 turn")
     tab.click(f"{turn} summary")
-    shows(tab, turn, "how far; 0 to 40 deg; default 10 deg")
+    shows(tab, turn, "how far; 0 to 95 deg; default 10 deg")
     mistake = "document.querySelector('#task-21-far').validationMessage"
     for text, words in {
-        "99 deg": "99 deg is not within the limits: 0 to 40 deg.",
-        "10": "10 rad is not within the limits: 0 to 40 deg.",
+        "99 deg": "99 deg is not within the limits: 0 to 95 deg.",
+        "10": "10 rad is not within the limits: 0 to 95 deg.",
         "9 inch": "There is no unit inch; there are rad, deg.",
         "far": "Write a number and a unit, such as 10 deg.",
-        "40 deg": "",
+        "95 deg": "",
         "0.5": "",
     }.items():
         tab.fill("#task-21-far", text)
         assert tab.evaluate(mistake) == words
     tab.fill("#task-21-far", "99 deg")
     tab.evaluate("document.querySelector('#task-21-far').form.noValidate = true")
-    tab.click(f"{turn} button:text-is('Run')")
-    shows(tab, f"{turn} [role=alert]", "^arguments: far: .99 deg. is more than 40 deg$")
+    run, field = f"{turn} button:text-is('Run')", ".field:has(#task-21-far[aria-invalid])"
+    tab.click(run)
+    shows(tab, f"{field} [role=alert]", "^.99 deg. is more than 95 deg$")
     forget(tab, "409")
+    tab.fill("#task-21-far", "95 deg")
+    expect(tab, field).to_have_count(0)
+    tab.click(run)  # the task allows it, and the joint does not
+    shows(tab, f"{field} [role=alert]", "joint_1 = 95 deg is outside its limits")
+    is_accessible(tab)
 
 
 def test_who_runs_a_task_sees_it(open_page: Open, page_server: Served) -> None:
@@ -86,6 +92,7 @@ def test_who_runs_a_task_sees_it(open_page: Open, page_server: Served) -> None:
     shows(tab, "#shown", "^task 11 nothing, recorded$")
     tab.click(f"{task('10 wait')} summary")
     tab.click(f"{task('10 wait')} button:text-is('Run')")
+    expect(tab, "#goal-state").to_have_role("status")  # a screen reader says it
     expect(tab, "#shown").to_have_text("")
     shows(tab, "#running", "^wait$")
     shows(tab, "#runs .run", "^task 10 wait.*running")

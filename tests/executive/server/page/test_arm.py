@@ -157,7 +157,7 @@ def test_a_mesh_that_is_not_one_leaves_the_rest(open_page: Open) -> None:
 
     def prepare(tab: Tab) -> None:
         tab.route("**/api/meshes/*", break_mesh)
-        tab.route("**/api/robot", name_mesh)
+        tab.route("**/robot", name_mesh)  # the live one, and that of the last recording
 
     tab = open_page(prepare=prepare, webgl=True, color_scheme="dark")
     shows(tab, "#positions", "joint_1")

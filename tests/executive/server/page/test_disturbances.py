@@ -154,6 +154,36 @@ def test_a_server_that_is_killed_and_restarts_is_found_again(
     tab.context.close()
 
 
+# Waits at most 0.2 s for anything.
+HURRY = """const { timeout } = AbortSignal, wait = setTimeout;
+AbortSignal.timeout = (longest) => timeout.call(AbortSignal, Math.min(longest, 200));
+window.setTimeout = (act, after) => wait(act, Math.min(after ?? 0, 200));"""
+HANG = {"health", "status", "events", "robot", "goals", "tasks", "recordings", "where", "nodes"}
+
+
+def test_a_request_that_hangs_keeps_no_other_back(open_page: Open, page_server: Served) -> None:
+    executive, held = page_server.executive, dict[str, Any]()
+    executive.result(executive.send(13).identity)
+
+    def hold(asked: Any) -> None:
+        """Answer the first request of each kind never."""
+        kind = asked.request.url.partition("?")[0].rpartition("/")[2]
+        if kind in held or kind not in HANG:
+            asked.continue_()
+        held.setdefault(kind, asked)
+
+    def prepare(empty: Tab) -> None:
+        empty.add_init_script(HURRY)
+        empty.route("**/api/**", hold)
+
+    tab = open_page(page_server.server.url, prepare)
+    tab.locator("#tasks li").first.wait_for()
+    shows(tab, "#runs li", "13 fail")
+    shows(tab, "#robot", "^arduinobot$")
+    shows(tab, "#failure", "13_fail.yaml:5")
+    assert held.keys() >= HANG
+
+
 def test_requests_without_an_answer_are_made_again_with_the_next_stream(
     open_page: Open, page_server: Served
 ) -> None:

@@ -37,6 +37,9 @@ def test_stop_works_without_sign_in_and_says_when_it_is_done(
 ) -> None:
     tab = open_page(page_server.server.url)
     shows(tab, "#stop-note", "^software stop, not an emergency stop$")
+    tab.emulate_media(forced_colors="active")  # leaves no background
+    expect(tab, "#stop").not_to_have_css("border-top-color", "rgba(0, 0, 0, 0)")
+    expect(tab, "#stop").to_have_css("border-top-style", "solid")
     tab.evaluate(
         "note = document.getElementById('stop-note'); said = [];"
         "new MutationObserver(() => said.push(note.textContent)).observe(note, {childList: true})"

@@ -176,6 +176,23 @@ def test_a_recording_is_found_played_and_linked(open_page: Open, page_server: Se
     other.locator("#player").wait_for(state="hidden")
 
 
+def test_a_run_whose_recording_is_being_finished_is_shown_next(
+    open_page: Open, page_server: Served
+) -> None:
+    run(page_server, 11, 13)
+
+    def finishing(asked: Any) -> None:
+        """Answer as a server that has not finished the newest recording yet."""
+        listed = asked.fetch().json()
+        listed["recordings"][0] |= {"state": "UNFINISHED", "code": "log.in_use"}
+        asked.fulfill(json=listed)
+
+    tab = open_page(prepare=lambda empty: empty.route("**/api/recordings?*", finishing, times=1))
+    shows(tab, "#shown", ".")
+    assert tab.inner_text("#shown") == "task 13 fail, recorded"  # and not the run before
+    shows(tab, "#failure", "13_fail.yaml:5")
+
+
 def test_broken_recordings_and_bombs_are_refused(open_page: Open, page_server: Served) -> None:
     folder = run(page_server, 11)
     whole = max(folder.glob("*Z-11.mcap")).read_bytes()
@@ -306,6 +323,7 @@ def test_what_is_done_with_a_recording(open_page: Open, page_server: Served) -> 
     expect(tab, "#runs-note button").to_be_focused()
     tab.locator("#player").wait_for(state="hidden")
     assert not (folder / name).exists()
+    assert name not in tab.url  # which the next stream would open
     is_accessible(tab)
     tab.keyboard.press("Enter")
     shows(tab, "#runs-note", "^Restored task 0 home")

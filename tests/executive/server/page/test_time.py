@@ -109,6 +109,12 @@ def test_a_recorded_run_is_plotted_too(open_page: Open, page_server: Served) -> 
     shows(tab, "#shown", "joint_1=-60deg, recorded")
     shows(tab, "#positions", r"joint_1\s*-20\.0°")  # where the arm is now
     shows(tab, "#plot-joints", r"joint_1\s*-60\.0 deg")  # though its last frame is a bit before
+
+    def rename(asked: Any) -> None:
+        asked.fulfill(json={**asked.fetch().json(), "name": "another"})
+
+    other = open_page(prepare=lambda empty: empty.route("**/api/recordings/*/robot", rename))
+    shows(other, "#positions", r"joint_1\s*-60\.0°")  # another robot has no pose of this one
     tab.click("#runs .run >> nth=0")
     shows(tab, "#positions", r"joint_1\s*-60\.0°")
     shows(tab, "#phases", "executing")

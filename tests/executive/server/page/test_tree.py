@@ -138,6 +138,7 @@ def test_why_an_earlier_run_failed_is_found_on_a_phone_and_by_keyboard(
     is_accessible(tab)
     tab.keyboard.press("Enter")
     assert tab.evaluate(to) == "runs-panel"
+    expect(tab, "#runs-panel").to_have_accessible_name("Recordings")
     expect(tab, "#skip").to_have_css("width", "1px")
     run = "#runs .run:has(.name:text-is('task 20 deliver'))"
     while not tab.evaluate(f"document.activeElement.matches(`{run.split(':has')[0]}`)"):
@@ -162,6 +163,8 @@ def test_a_breakpoint_holds_the_goal_until_a_step(open_page: Open, page_server: 
     tab.locator(row("show")).wait_for()
     tab.click(f"{row('show')} .point")
     shows(tab, f"{row('show')} .point", "●")
+    marked = tab.get_by_role("treeitem", name="breakpoint").all()
+    assert [each.get_attribute("data-path").split("/")[-1] for each in marked] == ["show"]
     page_server.executive.send(20)
     shows(tab, "#paused", "^Paused at .*Step or resume")
     is_accessible(tab)

@@ -206,7 +206,7 @@ const meshes = new Map();
 export function loadMesh(three, digest) {
   const known = meshes.get(digest);
   if (known) return known;
-  const loaded = get(`api/meshes/${encodeURIComponent(digest)}`, undefined, "arrayBuffer")
+  const loaded = get(`api/meshes/${encodeURIComponent(digest)}`, null, "arrayBuffer")
     .then((data) => (isStl(data) ? new three.STLLoader().parse(data) : null))
     .catch(() => null);
   meshes.set(digest, loaded);

@@ -87,12 +87,12 @@ export class RecordedRun extends EventTarget {
    * @param {number} [time] default: the end [s]
    */
   async open(time) {
-    const about = await get(this.#path);
+    const about = await get(this.#path, null);
     this.duration = about.duration_s;
     this.#began = about.began_s;
     if (!about.ended) this.kind = "recorded, without its end";
     const at = Math.min(time ?? this.duration, this.duration);
-    const [series] = await Promise.all([get(`${this.#path}/series`), this.#load(at)]);
+    const [series] = await Promise.all([get(`${this.#path}/series`, null), this.#load(at)]);
     this.#samples = series.commanded;
     this.history.setSeries(series);
     for (const event of series.events) this.history.add(event, event.time_s - this.#began);

@@ -1,6 +1,6 @@
 /** The run that is shown: the live one, or one that has ended, read from its recording. */
 
-import { get, pathOf } from "../api.js";
+import { getAtLast, pathOf } from "../api.js";
 import { History } from "./history.js";
 import { RecordedRun } from "./recorded_run.js";
 import { Run } from "./run.js";
@@ -184,7 +184,7 @@ export class ShownRun extends EventTarget {
     this.facts = new Map();
     if (task < 0) return; // a move has no file
     const path = this.recorded?.name ? pathOf(this.recorded.name) : `api/tasks/${task}`;
-    const { nodes } = await get(`${path}/nodes`).catch(() => ({ nodes: [] }));
+    const { nodes } = await getAtLast(`${path}/nodes`).catch(() => ({ nodes: [] }));
     if (this.#asked !== goalId) return;
     for (const node of nodes) this.facts.set(node.path, node);
     for (const node of this.run.nodes.values()) this.run.changed.add(node);

@@ -1,6 +1,6 @@
 /** Moves in small planned steps: joints and tool. Each is a goal like any other. */
 
-import { get, isSignedIn, sendGoal, session, wordsOf } from "../api.js";
+import { getAtLast, isSignedIn, sendGoal, session, wordsOf } from "../api.js";
 import { byId, element, setAttribute, setText, setUsable } from "../dom.js";
 
 /** @typedef {import("../connection.js").Status} Status */
@@ -50,7 +50,7 @@ export class MoveView {
 
   /** Make the rows for the joints of the robot. */
   async show() {
-    const where = /** @type {Where} */ (await get("api/where"));
+    const where = /** @type {Where} */ (await getAtLast("api/where"));
     this.#joints.clear();
     const joints = Object.entries(where.units).map(([name, unit]) => this.#jointRow(name, unit, where.limits[name]));
     const tool = AXES.map((axis, index) => this.#toolRow(axis, index));

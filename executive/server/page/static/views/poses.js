@@ -1,6 +1,6 @@
 /** The poses: moves to them, saves where the arm is, and removes them. */
 
-import { get, isSignedIn, post, sendGoal, wordsOf } from "../api.js";
+import { getAtLast, isSignedIn, post, sendGoal, wordsOf } from "../api.js";
 import { byId, element, setAttribute, setText, setUsable } from "../dom.js";
 
 /** @typedef {import("../connection.js").Status} Status */
@@ -50,7 +50,7 @@ export class PosesView {
   }
 
   async #refresh() {
-    const poses = /** @type {Pose[]} */ ((await get("api/poses")).poses);
+    const poses = /** @type {Pose[]} */ ((await getAtLast("api/poses")).poses);
     this.#list.replaceChildren(...poses.map((pose) => this.#item(pose)));
   }
 

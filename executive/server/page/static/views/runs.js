@@ -24,10 +24,10 @@ import { stateWords } from "./header.js";
 const SHOWN = 50; // of goals, and of recordings at a time
 const MOST = 150; // in one answer
 const WAIT = 200; // after the last key of a search [ms]
-const RETRY = 1000; // after a request without an answer [ms]
+const RETRY = 500; // after a request without an answer, and while a recording is being finished [ms]
 const DAY = 24 * 60 * 60 * 1000; // [ms]
 
-/** Events: `open` with the Recording to show, `change` when the list has changed. */
+/** Events: `open` with the Recording to show, `change` when the lists may have changed. */
 export class RunsView extends EventTarget {
   #list = byId("runs", HTMLElement);
   #search = byId("runs-search", HTMLInputElement);
@@ -36,7 +36,8 @@ export class RunsView extends EventTarget {
   #day = byId("runs-day", HTMLInputElement);
   #more = byId("runs-more", HTMLButtonElement);
   #note = byId("runs-note", HTMLElement);
-  #timer = 0;
+  #timer = 0; // of a search
+  #later = 0; // timer of a refresh
   #asked = 0;
   /** @type {Promise<void> | null} the refresh that is under way */
   #refreshing = null;
@@ -50,26 +51,26 @@ export class RunsView extends EventTarget {
   tasks = [];
   /** @type {Recording[]} newest first */
   recordings = [];
+  /** @type {boolean | undefined} whether the server knows goals and tasks */
+  hasArm;
 
-  /** @param {boolean} hasArm false if the server knows no goals and tasks */
-  constructor(hasArm = true) {
+  constructor() {
     super();
-    this.hasArm = hasArm;
     for (const filter of [this.#search, this.#state, this.#task, this.#day])
       filter.addEventListener("input", () => {
         clearTimeout(this.#timer);
         this.#wanted = SHOWN;
-        this.#timer = setTimeout(() => this.#load(), WAIT);
+        this.#timer = setTimeout(() => this.#reload(), WAIT);
       });
     this.#more.addEventListener("click", () => {
       this.#wanted += SHOWN;
-      this.#load();
+      this.#reload();
     });
   }
 
   /**
-   * Ask for the recordings, goals and tasks again. Without an answer they stay. Many short goals do
-   * not ask more often than the server answers.
+   * Ask for the recordings, goals and tasks; again until all are answered and the recordings of
+   * ended goals are finished. Many short goals do not ask more often than the server answers.
    * @returns {Promise<void>} when the answer to a request that begins now or later is here
    */
   refresh() {
@@ -80,9 +81,11 @@ export class RunsView extends EventTarget {
       });
       return this.#next;
     }
-    const goals = this.#loadGoals().catch(() => undefined);
+    const goals = this.#loadGoals().catch((error) => this.#refreshLater(error));
     this.#refreshing = Promise.all([this.#load(), goals]).then(() => {
       this.#refreshing = null;
+      if (this.recordings.some((each) => this.isFinishing(each))) this.#refreshLater();
+      this.dispatchEvent(new Event("change"));
     });
     return this.#refreshing;
   }
@@ -97,7 +100,7 @@ export class RunsView extends EventTarget {
     undo.addEventListener("click", () => this.#restore(recording));
     this.#note.replaceChildren(`Deleted ${nameOf(recording)}. `, undo);
     undo.focus();
-    await this.#load();
+    await this.#reload();
   }
 
   /** @param {string} shown name of the recording that is shown; empty for none */
@@ -130,7 +133,20 @@ export class RunsView extends EventTarget {
     } catch (error) {
       setText(this.#note, wordsOf(error));
     }
+    await this.#reload();
+  }
+
+  /** Ask for the recordings alone. */
+  async #reload() {
     await this.#load();
+    this.dispatchEvent(new Event("change"));
+  }
+
+  /** @param {unknown} [error] why a request failed; what the server refuses is not asked for again */
+  #refreshLater(error) {
+    if (error instanceof Refused) return;
+    clearTimeout(this.#later);
+    this.#later = setTimeout(() => this.refresh(), RETRY);
   }
 
   async #loadGoals() {
@@ -170,10 +186,8 @@ export class RunsView extends EventTarget {
     } catch (error) {
       this.#error = wordsOf(error);
       setText(this.#note, this.#error);
-      clearTimeout(this.#timer);
-      if (!(error instanceof Refused)) this.#timer = setTimeout(() => this.#load(), RETRY);
+      this.#refreshLater(error);
     }
-    this.dispatchEvent(new Event("change"));
   }
 
   /**
@@ -193,6 +207,14 @@ export class RunsView extends EventTarget {
   #stateOf(name) {
     const ended = this.goals.find((each) => each.result?.recording.split("/").at(-1) === name);
     return ended?.state ?? "EXECUTING";
+  }
+
+  /**
+   * Return whether a run has ended whose recording is not finished yet.
+   * @param {Recording} recording
+   */
+  isFinishing(recording) {
+    return isWritten(recording) && this.#stateOf(recording.name) !== "EXECUTING";
   }
 
   /** Offer the tasks of the server and of the recordings as filters. */

@@ -1,7 +1,7 @@
 /** The tasks: each with a form of its parameters, and what its last run did. */
 
-import { isSignedIn, post, sendGoal, wordsOf } from "../api.js";
-import { byId, element, isNew, reveal, setChildren, setText, setUsable } from "../dom.js";
+import { Refused, isSignedIn, post, sendGoal, wordsOf } from "../api.js";
+import { byId, element, isNew, reveal, setAttribute, setChildren, setText, setUsable } from "../dom.js";
 import { stateWords } from "./header.js";
 
 /** @typedef {import("../model/run.js").Goal} Goal */
@@ -42,7 +42,7 @@ const POLICIES = /** @type {Record<string, string>} */ ({
 /** Lists the tasks. Events: `preview` with the events of a dry run. */
 export class TasksView extends EventTarget {
   #list = byId("tasks", HTMLElement);
-  /** @type {Map<string, HTMLElement>} by what they show */
+  /** @type {Map<string, ReturnType<typeof taskItem>>} by what they show */
   #items = new Map();
 
   /**
@@ -55,7 +55,7 @@ export class TasksView extends EventTarget {
     this.#drawArm(status);
     if (isNew(this.#list, JSON.stringify(tasks))) {
       this.#items = new Map(tasks.map((task) => this.#item(task)));
-      setChildren(this.#list, [...this.#items.values()]);
+      setChildren(this.#list, [...this.#items.values()].map((each) => each.element));
     }
     setText(byId("policy", HTMLElement), POLICIES[status?.policy ?? ""] ?? "");
     const active = status?.arm === "active";
@@ -68,12 +68,13 @@ export class TasksView extends EventTarget {
       setUsable(run, isSignedIn() && active);
       setUsable(dry, isSignedIn() && idle);
     }
+    for (const item of this.#items.values()) item.settle(goals);
   }
 
   /**
    * Return an item by what it shows. One that shows the same stays, with what was typed into it.
    * @param {Task} task
-   * @returns {[string, HTMLElement]}
+   * @returns {[string, ReturnType<typeof taskItem>]}
    */
   #item(task) {
     const key = JSON.stringify(task);
@@ -106,27 +107,54 @@ function taskItem(task, preview) {
   const run = element("button", { type: "submit" }, "Run");
   const dry = element("button", { type: "submit", title: "Check and plan; nothing moves" }, "Dry run");
   const form = element("form", {}, ...fields.map((each) => each.row), element("div", { class: "buttons" }, run, dry), found, note);
+  let own = ""; // identity of the last goal of this form, until it ends
+
+  /**
+   * Say what is wrong, at the field of an argument if one is wrong.
+   * @param {string} words
+   * @param {string} argument empty for none
+   */
+  function refuse(words, argument) {
+    const wrong = fields.find((each) => each.name === argument);
+    const at = wrong?.note ?? note;
+    setText(at, words.replace(`arguments: ${argument}: `, ""));
+    if (wrong) setAttribute(wrong.control, "aria-invalid", "true");
+    reveal(at);
+  }
+
   form.addEventListener("submit", async (event) => {
     event.preventDefault();
-    setText(note, "");
-    setText(found, "");
-    const values = fields.map((each) => [each.name, each.value()]).filter(([, value]) => value !== "");
+    for (const each of [note, found]) setText(each, "");
+    for (const each of fields) each.clear();
+    const values = fields.map((each) => [each.name, each.control.value]).filter(([, value]) => value !== "");
     const goal = { task: task.task, arguments: Object.fromEntries(values) };
     try {
-      if (event.submitter !== dry) return void (await sendGoal("api/goals", goal));
+      own = "";
+      if (event.submitter !== dry) return void (own = await sendGoal("api/goals", goal));
       const { events, unknown } = await post("api/plan", goal);
       setText(found, dryRunWords(events, unknown));
       preview(events);
       reveal(found);
     } catch (error) {
-      setText(note, wordsOf(error));
-      reveal(note);
+      refuse(wordsOf(error), error instanceof Refused ? error.argument : "");
     }
   });
   const title = element("span", { class: "name" }, `${task.task} ${task.name}`);
   const head = element("summary", {}, title, element("span", { "data-state": "" }));
   const about = element("p", { class: "quiet" }, task.description);
-  return element("li", {}, element("details", {}, head, about, form));
+  return {
+    element: element("li", {}, element("details", {}, head, about, form)),
+    /**
+     * Say at its field which argument of the form's goal was wrong.
+     * @param {Goal[]} goals
+     */
+    settle(goals) {
+      const result = goals.find((each) => each.goal_id === own)?.result;
+      if (!result) return;
+      own = "";
+      if (result.cause?.argument) refuse(result.cause.message, result.cause.argument);
+    },
+  };
 }
 
 /**
@@ -143,7 +171,7 @@ function dryRunWords(events, unknown) {
 }
 
 /**
- * Return a field of a form, and a function that returns what was typed.
+ * Return a field of a form.
  * @param {number} task
  * @param {string} name
  * @param {Input} input
@@ -151,13 +179,23 @@ function dryRunWords(events, unknown) {
 function field(task, name, input) {
   const choices = input.type === "boolean" ? ["true", "false"] : input.choices;
   const id = `task-${task}-${name}`;
+  const note = element("p", { id: `${id}-note`, class: "failed", role: "alert" });
+  const attributes = { id, "aria-describedby": note.id };
   const control = choices.length
-    ? element("select", { id }, ...["", ...choices].map((each) => element("option", {}, each)))
-    : element("input", { id, ...limits(input), required: input.needed });
-  control.addEventListener("input", () => control.setCustomValidity(mistakeIn(control.value.trim(), input)));
+    ? element("select", attributes, ...["", ...choices].map((each) => element("option", {}, each)))
+    : element("input", { ...attributes, ...limits(input), required: input.needed });
+  /** Drop what the server has said of an earlier value. */
+  function clear() {
+    setText(note, "");
+    control.removeAttribute("aria-invalid");
+  }
+  control.addEventListener("input", () => {
+    clear();
+    control.setCustomValidity(mistakeIn(control.value.trim(), input));
+  });
   const help = [input.description, range(input), input.default && `default ${input.default}`].filter(Boolean).join("; ");
   const label = element("label", { for: id }, name, element("span", { class: "quiet" }, ` ${help}`));
-  return { name, row: element("div", { class: "field" }, label, control), value: () => control.value };
+  return { name, control, note, clear, row: element("div", { class: "field" }, label, control, note) };
 }
 
 /** @param {Input} input @returns {Record<string, string | number | boolean>} attributes */

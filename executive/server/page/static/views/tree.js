@@ -200,7 +200,7 @@ export class TreeView extends EventTarget {
     const row = element(
       "div",
       { role: "treeitem", class: "row", "aria-level": node.level, tabindex: -1 },
-      element("span", { class: "point", title: "Breakpoint: b" }),
+      element("span", { class: "point", title: "Breakpoint: b", role: "img", "aria-label": "breakpoint" }),
       element("span", { class: "fold", "aria-hidden": "true" }),
       element("span", { class: "mark" }),
       element("span", { class: "name" }, node.name),
@@ -225,8 +225,7 @@ export class TreeView extends EventTarget {
     const facts = this.#shown.facts.get(node.path);
     row.dataset.status = node.status;
     setText(point, points.has(node.path) ? "●" : "");
-    setAttribute(point, "aria-label", points.has(node.path) ? "breakpoint" : false);
-    setAttribute(point, "role", points.has(node.path) ? "img" : false);
+    setAttribute(point, "aria-hidden", points.has(node.path) ? false : "true");
     setText(sign, text);
     setAttribute(sign, "role", "img");
     setAttribute(sign, "aria-label", words);
