@@ -331,7 +331,9 @@ def _nearest(
         return None
     known = {each.name for each in robot.joints}
     if joint not in known:
-        for each in robot.actuated if len(given.keys() - known) == 1 else ():
+        if len(given.keys() - known) > 1:
+            return None
+        for each in robot.actuated:
             pairs = ((each.name if name == joint else name, q) for name, q in given.items())
             now, at = {**inputs, port: Positions(pairs)}, (port, each.name)
             if each.name not in given and _accepts(leaf, robot, now, at):
