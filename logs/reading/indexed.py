@@ -48,7 +48,7 @@ class Chunk:
 
 
 class IndexedRecording(Recording):
-    """A finished recording whose messages are read chunk by chunk, in any order.
+    """A finished recording. Its messages are read chunk by chunk, in any order.
 
     The index locates `files` and `notes`. Only the parts that are read are checked for damage.
 

@@ -33,7 +33,6 @@ MAX_HEAD = 8 * 1024  # largest head of a request [bytes]
 MAX_HEAD_LINES = 100  # largest number of lines in a head; parsing a line takes 5 us
 READ_AT_ONCE = 4 * 1024  # largest queued data of a connection [bytes]; asyncio would read 256 KiB
 DISCARDED = 256 * 1024  # largest number of bytes that are dropped before a connection is closed
-MAX_CONNECTIONS = 128  # enough for all streams, subscribers and rosbridge clients together
 HEAD_SECONDS = 5.0  # longest time for a head, from the acceptance or the last answer on [s]
 STALL_SECONDS = 5.0  # time without reading after which a client is disconnected [s]
 
