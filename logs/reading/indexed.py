@@ -146,10 +146,8 @@ class IndexedRecording(Recording):
         """
         if (statistics := self._summary.statistics) is None:
             raise RecordingError(self.path, "has no statistics; type armtree log recover FILE")
-        channels, counts = self._summary.channels, statistics.channel_message_counts
-        return sum(
-            n for id_, n in counts.items() if id_ in channels and channels[id_].topic == topic
-        )
+        counts, channels = statistics.channel_message_counts, self._summary.channels
+        return sum(counts.get(number, 0) for number, c in channels.items() if c.topic == topic)
 
     def with_topic(self, topics: Collection[str]) -> tuple[Chunk, ...]:
         """Return the chunks with a message on one of these topics."""

@@ -1,4 +1,4 @@
-"""A recording in words: an overview, and a narrative line by line."""
+"""A recording in words: a summary, short or whole, and a narrative line by line."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -128,7 +128,7 @@ class Overview(Listing):
 def listing(path: Path) -> Listing:
     """Summarise a recording by its index, without its frames.
 
-    A recording without an index, or with a damaged one, is read to its end.
+    It is read to its end if it has no index, or if the index, goal or result is damaged.
 
     Raises:
         RecordingError: The recording cannot be read.
