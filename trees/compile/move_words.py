@@ -72,7 +72,7 @@ def wrong_units(value: Located, robot: Robot, wrong: Callable[..., None]) -> boo
 
 
 def instead_of_width(value: Located, robot: Robot) -> tuple[Place, str, Correction | None] | None:
-    """Return the mistake of a width in place of joint positions, or as the one of the gripper.
+    """Return the mistake of a width in place of joint positions, or of that of the gripper.
 
     Args:
         value: Joint positions in a file.

@@ -351,7 +351,7 @@ def _nearest(
 
 
 def _completed(robot: Robot, value: Located, joint: str) -> Correction | None:
-    """Return joint values with the boot positions of missing joints, of which one is given."""
+    """Return joint values with the boot positions of the missing joints, such as this one."""
     given, group = nested(value), next((g for g in robot.groups if joint in robot.groups[g]), "")
     if not given or not group or joint in given:
         return None

@@ -172,7 +172,7 @@ def _held_by(
 
 
 def perhaps_meant(port: str) -> Sequence[token_file.ServerInfo]:
-    """Return all servers, or none if the user chose the arm with an option."""
+    """Return the running servers; none if the port is a real one, or given as an option."""
     source = click.get_current_context().get_parameter_source("port")
     chosen = port != VIRTUAL or source is ParameterSource.COMMANDLINE
     return () if chosen else token_file.running()

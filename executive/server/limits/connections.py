@@ -210,9 +210,9 @@ class WebSocketConnection(_QueuedProtocol, WebSocketsSansIOProtocol):
 class HttpConnection(_QueuedProtocol, H11Protocol):
     """An HTTP connection.
 
-    If there are too many connections, those that their clients have ended are closed. If there are
-    none, one connection is closed. A connection without the token comes before one with it, an idle
-    one before a stream, and the oldest first. If all others are stops, the new one is closed.
+    If there are too many connections, those ended by their clients are closed. If there are none,
+    one connection is closed. A connection without the token comes before one with it, an idle one
+    before a stream, and the oldest first. If all others are stops, the new one is closed.
 
     Args:
         accepted: Time of its acceptance [s].

@@ -292,7 +292,7 @@ class _Cache(Generic[T]):
         self._values: OrderedDict[Hashable, tuple[Hashable, T]] = OrderedDict()
 
     def get(self, key: Hashable, version: Hashable, make: Callable[[], T]) -> T:
-        """Return the value of a key. Makes one value at a time, if none has this version."""
+        """Return the value of a key and version. A missing one is made, one at a time."""
         with self._lock:
             if key not in self._values or self._values[key][0] != version:
                 self._values[key] = version, make()
