@@ -130,7 +130,7 @@ def _outside(
     found = dict(given)
     for port, value in given.items():
         within = nested(value) if isinstance(value, Located) else {}
-        for name in (within.keys() & known.keys()) - given.keys():
+        for name in [each for each in within if each in known and each not in given]:
             assert isinstance(value, Located)
             rest = {each: item for each, item in within.items() if each not in known}
             if port not in known and not rest:  # such as `params: {duration: 2 s}`
