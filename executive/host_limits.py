@@ -27,7 +27,7 @@ def check_host(planners: int) -> None:
 
 
 def spare_files(planners: int, least: int = 0, most: int = 0) -> int:
-    """Return the number of files that this process may open beside those that an arm needs.
+    """Return the number of files that this process may open beside those of an arm.
 
     Args:
         planners: Number of planner processes.

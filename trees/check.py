@@ -50,9 +50,9 @@ class Findings:
         files: Files that were checked.
         mistakes: Mistakes, ordered by file and line.
         notes: Warnings, ordered like the mistakes: ignored files; files that may be for another
-            robot; keys that nothing reads; long times without a unit; tasks whose first motion
-            starts in collision; points that the tool cannot reach; tasks whose motions take longer
-            than their timeout. The last three assume that the arm is in its start pose.
+            robot; keys that nothing reads; long times without a unit; first motions that start
+            in collision; points out of reach; timeouts shorter than their motions. The last three
+            assume that the arm is in its start pose.
         shipped: Number of the files that ship.
     """
 

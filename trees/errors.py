@@ -265,7 +265,7 @@ _VALUES = re.compile(r"; did you mean .*|'[^']*'|(?<![\w.])-?[\d.]+(?![\w.])")
 
 
 def _folded(mistakes: Iterable[Mistake]) -> Iterator[Mistake]:
-    """Merge mistakes of one list or mapping whose messages differ only in a value.
+    """Merge mistakes of one list or mapping if their messages differ only in a value.
 
     They must be in one line, or have corrections of adjacent lines.
     """

@@ -313,7 +313,7 @@ class CancelResult:
 
 
 def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
-    """Return the cause that an error contains, or else a new cause that describes the error.
+    """Return the cause in an error. If it has none, make one from the error.
 
     Args:
         error: The error. The cause keeps its joint, value and limit.

@@ -313,7 +313,7 @@ TASK = answer(
     inputs=by_name(_INPUT),
     wrong=TEXT,
     retry_safe=described(
-        BOOLEAN, "True if it may run again after a run whose end is not known, as in a fleet."
+        BOOLEAN, "True if it may run again if the end of a run is unknown, as in a fleet."
     ),
 )
 NODE = _object(

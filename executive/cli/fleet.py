@@ -33,7 +33,7 @@ _FLEET = option("fleet", "url", default=_HERE)
 
 
 def _run(url: str, act: "Act", interrupted: "Act | None" = None) -> None:
-    """Connect to the fleet, and call a function with the client, and another one after Ctrl-C."""
+    """Call a function with a client of the fleet. After Ctrl-C, also call `interrupted`."""
     from executive.fleet.programs import run
 
     run(url, act, interrupted)
@@ -217,8 +217,8 @@ def send(
 ) -> None:
     """Send TASK to a pool of arms. A free arm of the pool runs it once.
 
-    Prints the id of the job when it is on disk. A job whose id was sent before is refused, so it
-    is safe to repeat this command with --id.
+    Prints the id of the job when it is on disk. A second job with the same id is refused, so
+    it is safe to repeat this command with --id.
     """
     import asyncio
 

@@ -60,17 +60,17 @@ def ls(folder: Path, as_json: bool) -> None:
     The default of FOLDER is the setting `recordings`, which is ./recordings by default, or the
     working directory if only it has recordings. With `serve --policy queue`, a goal waits in the
     queue until the one before it has ended; the duration includes this time. The list is read from
-    the index of each recording. --json and `log info` read the whole file and find any damage.
+    the index of each recording. `log info` reads the whole file, and finds any damage.
     """
     from logs import LogError, goal_title
-    from logs.views.narrative import Overview, listing, overview
+    from logs.views.narrative import listing
     from logs.writing.retention import pinned
 
     paths = _recordings_in(folder)
     width = max((len(path.name) for path in paths), default=0) + 2
     for path in paths:
         try:
-            found = overview(path) if as_json else listing(path)
+            found = listing(path)
         except (LogError, OSError) as error:
             row = {**_file(path), "unreadable": str(error)}
             echo_result(as_json, row, f"{path.name}  unreadable: {error}")
@@ -85,8 +85,7 @@ def ls(folder: Path, as_json: bool) -> None:
         frames = f"{found.frames:>6} {'frame' if found.frames == 1 else 'frames'}"
         line = f"{path.name:<{width}}{task:<{_TITLE}} {found.outcome:<11}{spent:>9}{frames:<13}"
         line = f"{line}{found.bytes / 1e3:>9.1f} kB  {' '.join(filter(None, marks))}".rstrip()
-        row = found.to_json() if isinstance(found, Overview) else {}
-        echo_result(as_json, {**row, "pinned": pinned(path)}, line)
+        echo_result(as_json, {**found.to_json(), "pinned": pinned(path)}, line)
 
 
 def _recordings_in(folder: Path) -> list[Path]:

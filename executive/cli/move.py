@@ -115,8 +115,8 @@ def move(target: tuple[str, ...], relative: bool, speed: float) -> "Move":
 def home(speed: float) -> "Move":
     """Move to the home of the robot.
 
-    That is the pose `home` of your poses.yaml. Without one, the robot file says which pose, and
-    without that it is the start pose.
+    That is the pose `home` of your poses.yaml. Without one, it is the home in the robot file, or
+    else the start pose.
     """
     from executive.api.move import HOME, Move
 

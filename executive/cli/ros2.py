@@ -26,7 +26,7 @@ def ros2(ros_arguments: tuple[str, ...], robot: Path | None, server: str) -> Non
     joint_states and robot_description, the lifecycle of the hardware, a service ~/run_NAME for
     every task, and ~/stop. Its goals are canceled if this command ends, or loses the server.
 
-    It uses the ROS 2 that is sourced, or the one that `make ros2` installs. Other programs of ROS
+    It uses the sourced ROS 2, or the one of `make ros2`. Other programs of ROS
     need no token, so only those on this machine find it, unless ROS_AUTOMATIC_DISCOVERY_RANGE is
     set.
 

@@ -26,7 +26,7 @@ class _Deadline:
         self._began = False
 
     def lift(self, silence: float) -> None:
-        """Limit only the silence in what follows [s], because it has no end."""
+        """From now on, limit only the time between two pieces [s]: the answer has no end."""
         self._silence = silence
 
     def left(self, timeout: float | None) -> float | None:

@@ -152,7 +152,7 @@ def transport_errors(url: str, silence: float, reads: bool = True) -> Iterator[N
 
 
 def lift_deadline(response: "httpcore.Response") -> None:
-    """Limit only the silence in a body without end, to `SILENCE_TIMEOUT`."""
+    """Replace the deadline of an answer without end by `SILENCE_TIMEOUT` for each piece."""
     response.extensions["network_stream"].deadline.lift(SILENCE_TIMEOUT)
 
 

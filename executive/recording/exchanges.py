@@ -18,7 +18,7 @@ _LONGEST = 10.0  # longest time between records of a resting arm [s]
 
 
 class Exchanges:
-    """Drops exchanges with a board whose measurement has not changed.
+    """Drops exchanges with a board if its measurement has not changed.
 
     A resting arm is polled several times a second, usually with equal measurements. An exchange is
     a request, the bytes of its answers, and the measurement. It is recorded as a whole if a frame

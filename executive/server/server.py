@@ -31,7 +31,6 @@ from .http.recording_endpoints import RecordingEndpoints
 from .limits.acceptor import Acceptor
 from .limits.cancel_thread import CancelThread
 from .limits.connections import (
-    MAX_CONNECTIONS,
     MAX_HEAD,
     HttpConnection,
     SharedState,
@@ -45,6 +44,7 @@ from .systemd.notifier import SystemdNotifier
 
 logger = logging.getLogger(__name__)
 
+MAX_CONNECTIONS = 128  # enough for all streams, subscribers and rosbridge clients together
 _BACKLOG = 4096  # connections that the kernel queues until they are accepted
 # Loopback address, by the address of all interfaces.
 _LOOPBACK = {"0.0.0.0": "127.0.0.1", "::": "::1"}

@@ -172,7 +172,7 @@ def _difference(place: str, found: Any, expected: Any) -> str:
         parts = ((f"{place}[{number}]", *pair) for number, pair in enumerate(pairs))
     elif isinstance(expected, str) and expected.startswith("{"):
         then, now = loads(found), loads(expected)
-        parts = ((f"{place}.{name}", then[name], now[name]) for name in then.keys() & now.keys())
+        parts = ((f"{place}.{name}", then[name], now[name]) for name in then if name in now)
     else:
         same = found == expected or (isinstance(expected, float) and _close(found, expected))
         return "" if same else f"{place[1:]} is {found!r}, its record has {expected!r}"

@@ -7,16 +7,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from struct import Struct
-from typing import TYPE_CHECKING, Any, BinaryIO
+from typing import TYPE_CHECKING, Any, BinaryIO, Literal, TypeVar
 
 from logs.errors import RecordingError, RecordingInUse
 from logs.records.file_format import INVALID, MAGIC, MAX_RECORD
-from logs.records.records import RunRecord
 
 from .file_state import being_written
 from .mcap_records import HEAD, BadRecord, Decoder, damage
 from .reader import Message
-from .recording import Recording
+from .recording import Recording, topic_filter
 from .tolerant_reader import summary_is_valid
 
 if TYPE_CHECKING:
@@ -27,7 +26,7 @@ _FOOTER = Struct("<BQQQI")  # opcode, length, offsets of the summary, checksum
 _INDEX_HEAD = Struct("<HI")  # channel, and number of following bytes
 _INDEX_ENTRY = Struct("<QQ")  # time, and offset in the chunk
 
-
+T = TypeVar("T")
 Entry = tuple[int, int]  # time of a message [ns], and offset in the data of its chunk
 
 
@@ -49,7 +48,7 @@ class Chunk:
 
 
 class IndexedRecording(Recording):
-    """A finished recording whose messages are read chunk by chunk, in any order.
+    """A finished recording. Its messages are read chunk by chunk, in any order.
 
     The index locates `files` and `notes`. Only the parts that are read are checked for damage.
 
@@ -120,15 +119,24 @@ class IndexedRecording(Recording):
             place = chunk.offset + HEAD.size + len(body)
             return OpenChunk(self, tables, decoder, decoder.unpacked_chunk(body, place), place)
 
-    def in_topics(self, topics: Collection[str]) -> Iterator[RunRecord]:
-        """Yield the records on some topics, in file order. Unpacks only the chunks with them.
+    def topics_of(self, *kinds: type) -> list[str]:
+        """Return the topics with records of these types."""
+        return list(filter(topic_filter(kinds), self.types))
+
+    def record_at(self, index: Literal[0, -1], kind: type[T]) -> T | None:
+        """Return the first record of a type (0) or the last one (-1), or None.
+
+        Args:
+            index: 0 or -1.
+            kind: Type of record that is one message, such as `Goal`.
 
         Raises:
-            RecordingError: A chunk is damaged, or a record cannot be decoded.
+            RecordingError: A chunk is damaged, or the record cannot be decoded.
         """
-        decoder = Decoder()
-        for chunk in self.with_topic(topics):
-            yield from self.grouped(self.open(chunk, decoder).messages(topics))
+        chunks = self.with_topic(topics := self.topics_of(kind))
+        messages = self.open(chunks[index]).messages(topics) if chunks else []
+        found = self.record([messages[index]]) if messages else None
+        return found if isinstance(found, kind) else None
 
     def count(self, topic: str) -> int:
         """Return the number of messages on a topic, from the statistics at the end of the file.
@@ -138,10 +146,8 @@ class IndexedRecording(Recording):
         """
         if (statistics := self._summary.statistics) is None:
             raise RecordingError(self.path, "has no statistics; type armtree log recover FILE")
-        channels, counts = self._summary.channels, statistics.channel_message_counts
-        return sum(
-            n for id_, n in counts.items() if id_ in channels and channels[id_].topic == topic
-        )
+        counts, channels = statistics.channel_message_counts, self._summary.channels
+        return sum(counts.get(number, 0) for number, c in channels.items() if c.topic == topic)
 
     def with_topic(self, topics: Collection[str]) -> tuple[Chunk, ...]:
         """Return the chunks with a message on one of these topics."""
@@ -283,8 +289,8 @@ def _check_summary(stream: BinaryIO) -> None:
     from mcap.records import Footer
 
     end = stream.seek(-_FOOTER.size - len(MAGIC), os.SEEK_END)
-    _, _, at, offsets, crc = _FOOTER.unpack(stream.read(_FOOTER.size))
-    footer = Footer(at, offsets, crc)
+    footer = Footer(*_FOOTER.unpack(stream.read(_FOOTER.size))[2:])
+    at = footer.summary_start
     while 0 < at < end:
         stream.seek(at)
         opcode, length = HEAD.unpack(stream.read(HEAD.size))
@@ -292,7 +298,7 @@ def _check_summary(stream: BinaryIO) -> None:
             raise BadRecord(f"opcode {opcode} of {length} bytes in the summary")
         at += HEAD.size + length
     if not summary_is_valid(footer, stream):
-        raise BadRecord("a summary whose checksum is wrong")
+        raise BadRecord("a summary with a wrong checksum")
     stream.seek(0)
 
 

@@ -61,7 +61,7 @@ def is_journal(stream: BinaryIO) -> bool:
 def valid_size(stream: BinaryIO) -> int:
     """Return the size of the valid part of a journal [bytes].
 
-    The valid part ends with the last piece before the first piece whose checksum is wrong.
+    The valid part ends before the first piece with a wrong checksum.
 
     Args:
         stream: The journal, positioned at its beginning; also afterwards.

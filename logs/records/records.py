@@ -72,7 +72,7 @@ class Measured:
         joints: Names of the actuated joints, (J,).
         position: Measured positions [rad], (J,).
         velocity: Measured velocities [rad/s], (J,).
-        effort: Measured parts of the largest torque of the servos, -1 to 1, (J,).
+        effort: Measured shares of the largest torque of the servos, -1 to 1, (J,).
         temperature: Temperatures of the servos [C], (J,).
         voltage: Voltages of their supply [V], (J,).
         current: Currents of the servos [A], (J,).

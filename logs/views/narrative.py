@@ -1,7 +1,7 @@
-"""A recording in words: an overview, and a narrative line by line."""
+"""A recording in words: a summary, short or whole, and a narrative line by line."""
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -35,12 +35,12 @@ _FREQUENT = Sent | Received | Measured | LeaderState | Feedback
 
 @dataclass(frozen=True, slots=True)
 class Listing:
-    """A recording in a list.
+    """A short summary of a recording, for a list.
 
     Attributes:
         path: The file.
         bytes: Its size [bytes].
-        complete: True if it has its end, and what was read of it is undamaged.
+        complete: True if it has its end, and the parts that were read have no damage.
         written: True if it is being written.
         goal: The goal; None in a recording without a goal, such as a server's own.
         result: The result of that goal, or None.
@@ -69,10 +69,29 @@ class Listing:
             return self.result.state
         return "NO END" if self.goal else "-"
 
+    def to_json(self) -> dict[str, Any]:
+        """Return it as `docs/output.schema.json` describes `log_ls`, without `pinned`."""
+        goal, result = self.goal, self.result
+        return {
+            "file": str(self.path),
+            "bytes": self.bytes,
+            "complete": self.complete,
+            "being_written": self.written,
+            "task": goal.task if goal else None,
+            "name": goal.name if goal else None,
+            "seed": goal.seed if goal else None,
+            "state": result.state if result else None,
+            "code": result.code if result else None,
+            "message": result.message if result else None,
+            "duration_s": result.duration if result else None,
+            "queued_s": self.waited,
+            "frames": self.frames,
+        }
+
 
 @dataclass(frozen=True, slots=True)
 class Overview(Listing):
-    """A summary of a recording, of which every byte was read.
+    """A summary of a recording that was read to its end.
 
     Attributes:
         messages: Number of messages.
@@ -91,24 +110,11 @@ class Overview(Listing):
     files: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Return the summary as `docs/output.schema.json` describes it."""
-        goal, result, late = self.goal, self.result, sorted(self.late.elements())
-        return {
-            "file": str(self.path),
-            "bytes": self.bytes,
+        """Return the summary as `docs/output.schema.json` describes `log_info`."""
+        late = sorted(self.late.elements())
+        return Listing.to_json(self) | {
             "messages": self.messages,
-            "complete": self.complete,
-            "being_written": self.written,
             "recovered": RECOVERED in self.notes,
-            "task": goal.task if goal else None,
-            "name": goal.name if goal else None,
-            "seed": goal.seed if goal else None,
-            "state": result.state if result else None,
-            "code": result.code if result else None,
-            "message": result.message if result else None,
-            "duration_s": result.duration if result else None,
-            "queued_s": self.waited,
-            "frames": self.frames,
             "holds": self.holds,
             "median_late_ms": late[(len(late) - 1) // 2] if late else None,
             "most_late_ms": late[-1] if late else None,
@@ -120,32 +126,22 @@ class Overview(Listing):
 
 
 def listing(path: Path) -> Listing:
-    """Read what a list shows of a recording: by its index, without its frames.
+    """Summarise a recording by its index, without its frames.
 
-    A recording without an index, or with a damaged one, is read to its end.
+    It is read to its end if it has no index, or if the index, goal or result is damaged.
 
     Raises:
         RecordingError: The recording cannot be read.
     """
     try:
         recording = IndexedRecording(path)
-        goal, result = _goal_and_result(recording.in_topics(("/goal", "/result")))
+        goal, result = recording.record_at(0, Goal), recording.record_at(-1, Result)
         frames = recording.count("/joint_states")
     except (RecordingInUse, RecordingError):
         return overview(path)
+    if goal is None or goal.elsewhere:
+        goal = result = None
     return Listing(path, path.stat().st_size, True, False, goal, result, frames)
-
-
-def _goal_and_result(records: Iterable[RunRecord]) -> tuple[Goal | None, Result | None]:
-    goal: Goal | None = None
-    result: Result | None = None
-    for record in records:
-        match record:
-            case Goal() if not record.elsewhere:
-                goal = record
-            case Result() if goal:
-                result = record
-    return goal, result
 
 
 def overview(path: Path) -> Overview:
@@ -155,13 +151,16 @@ def overview(path: Path) -> Overview:
         RecordingError: The recording cannot be read.
     """
     recording = Recording(path)
-    about: list[RunRecord] = []
+    goal: Goal | None = None
+    result: Result | None = None
     late: Counter[float] = Counter()
     frames, holds, planning = 0, 0, {}
     for record in recording.records(Goal, Result, Sent, Plan):
         match record:
-            case Goal() | Result():
-                about.append(record)
+            case Goal() if not record.elsewhere:
+                goal = record
+            case Result() if goal:
+                result = record
             case Plan():
                 planning[record.group] = sum(record.milliseconds.values())
             case Sent():
@@ -169,7 +168,6 @@ def overview(path: Path) -> Overview:
                 holds += record.hold
                 if record.scheduled is not None:
                     late[round((record.time - record.scheduled) * 1e3, 2)] += 1
-    goal, result = _goal_and_result(about)
     return Overview(
         path,
         path.stat().st_size,

@@ -42,9 +42,8 @@ class CollisionChecks:
         poses: Configurations to check in an empty world [rad], and their places.
         trees: Compiled tasks and subtrees.
         tasks: The tasks among them.
-        notes: Notes about tasks whose first motion starts in collision, about points out of reach,
-            and about timeouts that are too short for their motions. All assume that the arm is in
-            its start pose.
+        notes: Notes about first motions that start in collision, points out of reach, and timeouts
+            shorter than their motions. All assume that the arm is in its start pose.
         absent: Places of bodies that a task uses but does not add, with the name of the body, a
             similar name, and the place of the node.
     """
@@ -133,10 +132,10 @@ class CollisionChecks:
     def _first_worlds(self) -> dict[World, Place]:
         """Return the worlds in which tasks first move the arm, and the places of these motions.
 
-        Also adds a note for each point that the tool cannot reach from the start pose, for each
-        move by a distance that leaves the limits of a joint from there, and for each timeout that
-        ends before its motions. A timeout that is too short from any start is a
-        mistake. The message then has the planned time from the start pose.
+        Also adds notes about points out of reach from the start pose, moves by a distance from
+        there that leave the limits of a joint, and timeouts shorter than their motions. A timeout
+        that is too short from any start is a mistake. Its message has the planned time from the
+        start pose.
         """
         worlds, boot = dict[World, Place](), self.robot.boot_pose
         for tree in self.tasks:

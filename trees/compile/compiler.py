@@ -459,8 +459,8 @@ class TreeCompiler:
         if pose and source and not given.keys() & source.parameters.keys():
             given = {"": pose}
         whole = given.get("")
-        listed = isinstance(whole, Located) and isinstance(whole.value, list)
-        if whole and (name == TO_POSE or not listed):
+        is_list = isinstance(whole, Located) and isinstance(whole.value, list)
+        if whole and (name == TO_POSE or not is_list):  # only there, a list has angles
             target = as_positions(whole, self._context.robot)
             given = nested(target) if isinstance(target, Located) and nested(target) else given
         ports = by_port(given, source.parameters if source else {}, ("", ""), mistakes.add)
@@ -568,9 +568,9 @@ class TreeCompiler:
         if wanted.type == "positions" and (said := instead_of_width(value, self._context.robot)):
             wrong(*said)
             return None
-        each = value.value if isinstance(value.value, list) else [value]
+        items = value.value if isinstance(value.value, list) else [value]
         positions = wanted.type.endswith("positions")
-        if positions and [item for item in each if wrong_units(item, self._context.robot, wrong)]:
+        if positions and [item for item in items if wrong_units(item, self._context.robot, wrong)]:
             return None
         poses, port = self._sources.poses, what.rpartition(".")[2]
         if value.value not in [*poses]:  # messages suggest joints and poses of the group `port`
@@ -579,7 +579,7 @@ class TreeCompiler:
         fitted = fit(value, wanted, poses, wrong)
         if note := doubt(value, wanted, what):
             self._mistakes.notes.append(note)
-        if positions and fitted is not None and any(isinstance(i.value, str) for i in each):
+        if positions and fitted is not None and any(isinstance(i.value, str) for i in items):
             self._sources.use_poses()
         return fitted
 

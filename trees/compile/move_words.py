@@ -28,10 +28,10 @@ def as_positions(value: Value, robot: Robot) -> Value:
     """
     if isinstance(value, Located) and isinstance(value.value, list):
         joints = robot.actuated_in("arm") if "arm" in robot.groups else ()
-        names = [joint.name for joint in joints]
-        enough = len(names) == len(value.value)
-        items = dict(zip(names, value.value, strict=True)) if enough else {}
-        return replace(value, value=items) if items else value
+        if not joints or len(joints) != len(value.value):
+            return value
+        names = (joint.name for joint in joints)
+        return replace(value, value=dict(zip(names, value.value, strict=True)))
     if not isinstance(value, Located) or not isinstance(value.value, str):
         return value
     pairs = dict(as_pairs(value.value))
@@ -72,7 +72,7 @@ def wrong_units(value: Located, robot: Robot, wrong: Callable[..., None]) -> boo
 
 
 def instead_of_width(value: Located, robot: Robot) -> tuple[Place, str, Correction | None] | None:
-    """Return the mistake of a width in place of joint positions, or as the one of the gripper.
+    """Return the mistake of a width in place of joint positions, or of that of the gripper.
 
     Args:
         value: Joint positions in a file.

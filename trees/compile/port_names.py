@@ -28,6 +28,7 @@ _OTHER_NAMES = {
     "body": {"id", "object"},
     "size": {"dimensions", "scale"},
 }
+_OTHER_MEANING = {"diameter"}  # of the type of a port, a radius, but with another meaning
 
 
 def known_ports(
@@ -49,18 +50,19 @@ def known_ports(
     if what:
         given = _outside(_indented(given, known, mistakes), known, what, mistakes)
     likely = corrections(given, known)
-    for port in known.keys() - {*given, *likely.values()}:
+    for port in known:
         words = _OTHER_NAMES.get(port, set()) & given.keys() - {*known, *likely}
-        likely |= {word: port for word in words if len(words) == 1}
+        if len(words) == 1 and port not in {*given, *likely.values()}:
+            likely[words.pop()] = port
     joints = {*joints} & given.keys() - known.keys()
     likely = {port: name for port, name in likely.items() if port not in joints}
-    unknown = [port for port in given if port not in {*known, *likely, "diameter"}]
+    unknown = [port for port in given if port not in {*known, *likely, *_OTHER_MEANING}]
     needed = [port for port, each in known.items() if each.needed and port not in given]
     missing = [port for port in needed if port not in likely.values()]
-    pairs = dict(zip(unknown, missing, strict=False))
-    alone, equal = len(unknown) == len(missing) == 1, len(unknown) == len(missing)
+    pairs = dict(zip(unknown, missing, strict=True)) if len(unknown) == len(missing) else {}
+    alone = len(pairs) == 1
     fitting = alone or all(_may_take(known[port], given[word]) for word, port in pairs.items())
-    if equal and fitting and not any(closest(word, known) for word in unknown):
+    if fitting and not any(closest(word, known) for word in pairs):
         likely |= pairs
     is_text = alone and known[missing[0]].type == "text"
     for port in given if what else ():
@@ -128,7 +130,7 @@ def _outside(
     found = dict(given)
     for port, value in given.items():
         within = nested(value) if isinstance(value, Located) else {}
-        for name in (within.keys() & known.keys()) - given.keys():
+        for name in [each for each in within if each in known and each not in given]:
             assert isinstance(value, Located)
             rest = {each: item for each, item in within.items() if each not in known}
             if port not in known and not rest:  # such as `params: {duration: 2 s}`

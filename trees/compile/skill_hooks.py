@@ -331,7 +331,9 @@ def _nearest(
         return None
     known = {each.name for each in robot.joints}
     if joint not in known:
-        for each in robot.actuated if len(given.keys() - known) == 1 else ():
+        if len(given.keys() - known) > 1:
+            return None
+        for each in robot.actuated:
             pairs = ((each.name if name == joint else name, q) for name, q in given.items())
             now, at = {**inputs, port: Positions(pairs)}, (port, each.name)
             if each.name not in given and _accepts(leaf, robot, now, at):
@@ -349,7 +351,7 @@ def _nearest(
 
 
 def _completed(robot: Robot, value: Located, joint: str) -> Correction | None:
-    """Return joint values with the boot positions of missing joints, of which one is given."""
+    """Return joint values with the boot positions of the missing joints, such as this one."""
     given, group = nested(value), next((g for g in robot.groups if joint in robot.groups[g]), "")
     if not given or not group or joint in given:
         return None

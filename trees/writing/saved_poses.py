@@ -220,7 +220,7 @@ def _without_pose(text: str, name: str) -> str:
 
 
 def _with_replaces(text: str, names: Collection[str]) -> str:
-    """Return the text of a file whose `replaces` lists these names."""
+    """Return the text of a file with these names in `replaces`."""
     key, value = _pair(text, "replaces")
     listed = f"[{', '.join(names)}]"
     if key is value:

@@ -32,8 +32,9 @@ _LAST_WORDS = (
 class Interrupts:
     r"""The first signal cancels the run. The second one, or Ctrl-\, ends the process.
 
-    Before `on_cancel`, the first signal raises KeyboardInterrupt in the main thread: it may read
-    thousands of files then. If it is not Ctrl-C, the context raises SystemExit with its status.
+    Before `on_cancel`, the first signal raises KeyboardInterrupt in the main thread, because the
+    thread may read thousands of files then. After another signal than Ctrl-C, the context raises
+    SystemExit with the exit status of that signal.
 
     A signal counts as the second one if it comes at least `_AGAIN` seconds after the first, also
     after the context. A hang-up never does: the kernel and the shell of a closed terminal each send
@@ -145,7 +146,7 @@ def _do_nothing(number: int, frame: FrameType | None) -> None:
 
 
 def _status(number: int) -> int:
-    """Return the exit status of a command that a signal ends, as a shell reports it."""
+    r"""Return the exit status of a command that a signal ends; Ctrl-\ has that of Ctrl-C."""
     return INTERRUPTED_EXIT if number == signal.SIGQUIT else 128 + number
 
 

@@ -1,7 +1,7 @@
 """The arms that this user moves on this machine: of servers, and of commands such as `armtree run`.
 
 Each of these commands has a file in the runtime folder and locks it. The kernel releases the lock
-when the process ends, so a file whose lock is held belongs to the process that its name says.
+when the process ends. Therefore the process id in the name of a locked file is valid.
 """
 
 import fcntl

@@ -27,7 +27,7 @@ _FORBIDDEN = {"_exit": _END, "execv": _END, "execve": _END, "chdir": _LEAVE, "fc
 
 @atexit.register  # the command line imports this file first, so Python calls this function last
 def _ignore_signals() -> None:
-    """Keep the exit status: Python removes its handlers next, and then a signal would kill it."""
+    """Keep the exit status. Python removes its handlers next; a signal would then kill it."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
 

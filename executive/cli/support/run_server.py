@@ -99,7 +99,7 @@ def prepare(executive: Executive, stops: int) -> None:
 
     Args:
         executive: It owns the arm.
-        stops: Number of stops so far. The arm is not activated after a further one.
+        stops: Number of stops so far. After another one, the arm is not activated.
     """
     try:
         executive.arm_to("configure")

@@ -144,7 +144,7 @@ def without_server(outcome: Outcome, again: str = "run again") -> Outcome:
 def _held_by(
     server: token_file.ServerInfo, executive: Executive, task: int, settings: Sequence[str]
 ) -> str:
-    """Return a message that a server holds the arm, with the command that sends it the task.
+    """Return a hint that a server holds the arm, with the command to send it the task.
 
     Returns:
         The message; empty if the server does not answer, or holds another robot.
@@ -172,7 +172,7 @@ def _held_by(
 
 
 def perhaps_meant(port: str) -> Sequence[token_file.ServerInfo]:
-    """Return the servers whose arm a user may mean: all, if no option chose the virtual arm."""
+    """Return the running servers; none if the port is a real one, or given as an option."""
     source = click.get_current_context().get_parameter_source("port")
     chosen = port != VIRTUAL or source is ParameterSource.COMMANDLINE
     return () if chosen else token_file.running()
@@ -181,7 +181,7 @@ def perhaps_meant(port: str) -> Sequence[token_file.ServerInfo]:
 def with_holder(
     outcome: Outcome, port: str, hint: Callable[[token_file.ServerInfo], str]
 ) -> Outcome:
-    """Return an outcome whose hint is about the server of this user that has the port, if one has.
+    """Return an outcome. If a server of this user has the port, its hint is about that server.
 
     Args:
         outcome: The outcome.

@@ -37,7 +37,7 @@ def run_teleop(
 ) -> int:
     """Follow the arm at a port until a key or a signal. Then print the position of the arm.
 
-    The arm that follows is activated first, because the leader loses its torque after that.
+    The following arm is activated first, and then the leader loses its torque.
 
     Args:
         port: Port of the leader.
@@ -109,7 +109,7 @@ def _check_servers(setup: Setup, robot: Robot) -> None:
 
 
 def _server_words(server: token_file.ServerInfo) -> str:
-    """Return the message that a server has the arm, with the command that releases its port."""
+    """Return a message that a server has the arm, with the command to release its port."""
     return (
         f"the armtree server {server.url} has the arm, and cannot follow a leader. Run "
         f"`armtree arm deactivate --server {server.url}` to release its port, then give that port "

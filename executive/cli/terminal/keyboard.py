@@ -28,7 +28,7 @@ _SAME = {"\r": ENTER, "\x08": DELETE}
 def ask(question: str) -> str:
     """Print a question and return the typed line.
 
-    It does not use `input`, which may lose a Ctrl-C that arrives just before it reads.
+    It does not use `input`, because `input` may lose a Ctrl-C just before it reads.
 
     Raises:
         KeyboardInterrupt: Ctrl-C, at any moment.

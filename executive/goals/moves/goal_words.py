@@ -269,7 +269,7 @@ def read_value(name: str, text: str, wanted: Declaration) -> Any:
 
 
 def _check_spelling(words: Sequence[str], robot: Robot, quoted: bool) -> None:
-    """Check that each value is one word, and that = is between a name and its value.
+    """Check that each value is one word, after the name and =.
 
     Args:
         words: The words.

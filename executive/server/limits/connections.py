@@ -33,7 +33,6 @@ MAX_HEAD = 8 * 1024  # largest head of a request [bytes]
 MAX_HEAD_LINES = 100  # largest number of lines in a head; parsing a line takes 5 us
 READ_AT_ONCE = 4 * 1024  # largest queued data of a connection [bytes]; asyncio would read 256 KiB
 DISCARDED = 256 * 1024  # largest number of bytes that are dropped before a connection is closed
-MAX_CONNECTIONS = 128  # enough for all streams, subscribers and rosbridge clients together
 HEAD_SECONDS = 5.0  # longest time for a head, from the acceptance or the last answer on [s]
 STALL_SECONDS = 5.0  # time without reading after which a client is disconnected [s]
 
@@ -211,9 +210,9 @@ class WebSocketConnection(_QueuedProtocol, WebSocketsSansIOProtocol):
 class HttpConnection(_QueuedProtocol, H11Protocol):
     """An HTTP connection.
 
-    If there are too many connections, those that their clients have ended are closed. If there are
-    none, one connection is closed. A connection without the token comes before one with it, an idle
-    one before a stream, and the oldest first. If all others are stops, the new one is closed.
+    If there are too many connections, those ended by their clients are closed. If there are none,
+    one connection is closed. A connection without the token comes before one with it, an idle one
+    before a stream, and the oldest first. If all others are stops, the new one is closed.
 
     Args:
         accepted: Time of its acceptance [s].

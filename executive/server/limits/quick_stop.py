@@ -70,7 +70,7 @@ class QuickStop:
         return cls(headers.get("origin"), keeps, client)
 
     def log(self) -> None:
-        """Log the name of the client."""
+        """Log that a client sent this stop, if the client may be named."""
         if self.client:
             logger.info("Received a stop from %s", self.client)
 

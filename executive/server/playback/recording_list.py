@@ -157,8 +157,8 @@ class RecordingFolder:
 
         def make(path: Path) -> list[Json]:
             recording = IndexedRecording(path)
-            goal = _first(recording, "/goal", 1)
-            if isinstance(goal, logs.Goal) and goal.task != logs.MOVE:
+            goal = recording.record_at(0, logs.Goal)
+            if goal and goal.task != logs.MOVE:
                 return recorded_nodes(recording, goal.task)
             return []
 
@@ -292,7 +292,7 @@ class _Cache(Generic[T]):
         self._values: OrderedDict[Hashable, tuple[Hashable, T]] = OrderedDict()
 
     def get(self, key: Hashable, version: Hashable, make: Callable[[], T]) -> T:
-        """Return the value of a key. Makes a missing or old one first; only one at a time."""
+        """Return the value of a key and version. A missing one is made, one at a time."""
         with self._lock:
             if key not in self._values or self._values[key][0] != version:
                 self._values[key] = version, make()
@@ -349,16 +349,16 @@ def _summary(path: Path) -> Json:
     }
     try:
         recording = IndexedRecording(path)
-        goal = _first(recording, "/goal", 1)
-        result = _first(recording, "/result", -1)
+        goal = recording.record_at(0, logs.Goal)
+        result = recording.record_at(-1, logs.Result)
     except logs.LogError as error:
         return row | {"state": "UNFINISHED", "code": error.code, "message": str(error)}
-    if isinstance(goal, logs.Goal):
+    if goal:
         row |= {"task": goal.task, "title": logs.goal_title(goal.task, goal.name)}
-    if isinstance(result, logs.Result):
+    if result:
         row |= {"state": result.state, "code": result.code, "message": result.message}
         row["duration_s"] = result.duration
-    elif isinstance(goal, logs.Goal):
+    elif goal:
         lost = ServerRestarted()
         row |= {"state": "UNFINISHED", "code": lost.code, "message": str(lost)}
     return {k: v[:_MAX_TEXT] if isinstance(v, str) else v for k, v in row.items()}
@@ -371,14 +371,6 @@ def _has_index(path: Path) -> bool:
     except logs.LogError:
         return False
     return True
-
-
-def _first(recording: IndexedRecording, topic: str, step: int) -> logs.Record | None:
-    """Return the first record on a topic, or the last one for a step of -1; None if empty."""
-    for chunk in recording.with_topic((topic,))[::step]:
-        messages = recording.open(chunk).messages((topic,))
-        return next(recording.grouped(messages[::step]), None)
-    return None
 
 
 def _printed(words: Sequence[str]) -> str:

@@ -20,7 +20,6 @@ from executive.api.outcome import GoalState, GoalStatus, Outcome, cause_of
 from executive.errors import ServerRestarted
 from logs.reading.indexed import Chunk, Entry, IndexedRecording, OpenChunk
 from logs.reading.mcap_records import Decoder
-from logs.reading.recording import topic_filter
 
 from .node_state import NodeState
 
@@ -166,7 +165,7 @@ class Timeline:
             LogError: The recording is being written, damaged, or not of armtree.
         """
         self._recording = recording = IndexedRecording(path)
-        self._topics = _topics(recording, _SENT_AS_EVENTS)
+        self._topics = recording.topics_of(*_SENT_AS_EVENTS)
         self._windows: list[_Window] = []
         self.steps: list[float] = []
         self._goal_chunk = len(recording.chunks)
@@ -175,7 +174,7 @@ class Timeline:
         self._timing = _Thinned(_TIMING, recording, _lateness)
         self._progress: _Thinned[logs.Record] = _Thinned(_PROGRESS, recording, self._record_of)
         self._lines = deque[_Place](maxlen=POINTS)
-        self._plan_topics = set(_topics(recording, (logs.Plan,)))
+        self._plan_topics = set(recording.topics_of(logs.Plan))
         self._plans: dict[str, _Place] = {}  # one of each topic
         self.goal: logs.Goal | None = None
         self._frames = 0  # that were sent
@@ -323,8 +322,8 @@ class Timeline:
 
     def _read(self) -> None:
         recording, step_times = self._recording, set[int]()
-        newest_of = [*_topics(recording, _STATE), _COMMANDED]
-        steps_of = _topics(recording, _STEPS)
+        newest_of = [*recording.topics_of(*_STATE), _COMMANDED]
+        steps_of = recording.topics_of(*_STEPS)
         nodes: dict[str, _Node] = {}
         newest: dict[str, _Place] = {}
         changed = set[str]()  # nodes with a change in this window
@@ -486,11 +485,6 @@ def _is_of_frame(message: logs.Message) -> bool:
 def _continues(message: logs.Message) -> bool:
     """Return True if a message is not the first one of its frame."""
     return message.topic != _SENT[0]
-
-
-def _topics(recording: IndexedRecording, kinds: tuple[type, ...]) -> list[str]:
-    """Return the topics of a recording with records of these types."""
-    return list(filter(topic_filter(kinds), recording.types))
 
 
 def _lateness(message: logs.Message) -> tuple[float, float] | None:

@@ -177,8 +177,9 @@ def test_ctrl_c_ends_a_command_though_a_library_loses_the_first_cancel(
 def test_top_prints_lines_to_a_pipe(url: str, capsys: pytest.CaptureFixture[str]) -> None:
     async def read(client: FleetClient) -> None:
         showing = asyncio.create_task(top(client))
-        while not (printed := capsys.readouterr().out):
-            await asyncio.sleep(0)
+        async with asyncio.timeout(10):
+            while not (printed := capsys.readouterr().out):
+                await asyncio.sleep(0)
         showing.cancel()
         assert printed.startswith("0 queued\n")
 

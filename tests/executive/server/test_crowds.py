@@ -15,6 +15,7 @@ from executive.api.outcome import CancelResult
 from executive.server import event_hub
 from executive.server.http import app, endpoints as api
 from executive.server.limits import connections, fair_queue
+from executive.server.server import MAX_CONNECTIONS
 from hardware import HostLimit
 from tests.support.servers.foreign_clients import GOAL, UPGRADE, answer, head, raw, stops
 from tests.support.servers.serving import Serve
@@ -35,7 +36,7 @@ def test_idle_connections_are_closed_to_make_room(serve: Serve) -> None:
         assert stops(served)
         goal = served.ask("POST", "/api/goals", {"task": 11})[1]["goal_id"]
         assert served.ask("GET", f"/api/goals/{goal}/result")[1]["success"]
-        assert served.server.connections <= connections.MAX_CONNECTIONS
+        assert served.server.connections <= MAX_CONNECTIONS
 
 
 def test_a_stop_is_not_queued(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -199,7 +200,7 @@ def test_idle_strangers_do_not_end_a_hold(serve: Serve) -> None:
         assert served.ask("GET", "/api/health")[0] == 200
         holding.sendall(b"0\r\n\r\n")
         assert b'"canceled":true' in answer(holding)
-        assert served.server.connections <= connections.MAX_CONNECTIONS
+        assert served.server.connections <= MAX_CONNECTIONS
 
 
 def test_a_flood_does_not_disturb_a_motion(serve: Serve) -> None:
