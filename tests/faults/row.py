@@ -184,7 +184,8 @@ class Scene:
         self.ended(run, 6)
         (result,) = run.events("result")
         self.check(result["code"] in codes, f"the code is {result['code']}")
-        failing = next(each for each in run.events("lifecycle") if each["label"] == "raise_error")
+        labels = "raise_error", "transition_error"  # of an active arm, and of one that boots
+        failing = next(each for each in run.events("lifecycle") if each["label"] in labels)
         failed, sent = float(failing["time_s"]), run.events("sent")
         late = [each for each in sent if each["time_s"] > failed]
         self.check(not late, f"{len(late)} frames were sent after the fault")

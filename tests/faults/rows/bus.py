@@ -2,7 +2,7 @@
 
 import contextlib
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from hardware import load_robot
@@ -93,9 +93,21 @@ def running(
         board.close()
 
 
-def run(scene: Scene, file: Path, board: BoardProcess) -> Command:
+def run(
+    scene: Scene, file: Path, board: BoardProcess, environment: Mapping[str, str] | None = None
+) -> Command:
     port = "--port", board.port, "--robot", file, "--trees", TASKS
-    return scene.armtree("run", "20", "--json", *port)
+    return scene.armtree("run", "20", "--json", *port, environment=environment)
+
+
+def in_motion(
+    scene: Scene, file: Path, board: BoardProcess, environment: Mapping[str, str] | None = None
+) -> Command:
+    """A run, a random part of a period after a random number of frames."""
+    command = run(scene, file, board, environment)
+    command.until_event("sent", scene.random.randint(5, 60))
+    time.sleep(scene.random.uniform(0.0, PERIOD))  # noqa: TID251, a random moment
+    return command
 
 
 @row(
@@ -131,9 +143,7 @@ def wrong(scene: Scene) -> None:
 def sudden(scene: Scene) -> None:
     (kind,) = scene.share(SUDDEN)
     with running(scene.folder) as (file, board):
-        command = run(scene, file, board)
-        command.until_event("sent", scene.random.randint(5, 60))
-        time.sleep(scene.random.uniform(0.0, PERIOD))  # noqa: TID251, a random moment
+        command = in_motion(scene, file, board)
         board.call("fail", Fault(kind, 2, 0.0, 3 if kind == "impersonate" else ALWAYS))
         failed = scene.faulted(command, *SUDDEN[kind])
         before = board.state().positions

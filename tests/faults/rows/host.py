@@ -18,6 +18,7 @@ from tests.faults.board import Board
 from tests.faults.means.wrong_calls import WallClock
 from tests.faults.process import ARMTREE, Command, kill, until
 from tests.faults.row import Scene, delays, frames_of, last_line, motions_of, row
+from tests.faults.rows.command_line import ENDED_S
 
 WRITTEN = re.compile(r"^wchar: (\d+)", re.MULTILINE)
 PERIOD = 0.1  # between two frames to the published sketch [s]
@@ -293,6 +294,7 @@ def too_fast(scene: Scene) -> None:
 
 DRIVER = """
 import time
+from pathlib import Path
 
 from hardware import SerialLink
 from hardware.drivers.arduino.serial_servo import SerialServo
@@ -304,6 +306,8 @@ class WrongLink(SerialLink):
     def {call}(self, *arguments):
         self.calls += 1
         if self.calls > {after}:
+            with Path("wrong").open("a") as file:
+                print(time.monotonic(), file=file)
             {how}
         return super().{call}(*arguments)
 
@@ -317,7 +321,10 @@ class Wrong(SerialServo):
 @row(
     "wrong-driver",
     "a driver of another package raises any exception, returns nothing, or does not return",
-    "the goal ends with a code of the hardware and exit status 6; nothing is sent afterwards",
+    "the goal ends `hw.driver`, or `hw.port_stalled` if a write does not return, with exit status"
+    " 6; nothing is sent afterwards, and the command ends",
+    limit=400,  # the deadline of 300 of a write
+    unit="ms",
     times=8,
     quick=1,
 )
@@ -343,9 +350,11 @@ def wrong_driver(scene: Scene) -> None:
     if call == "read":
         run.until_event("lifecycle", 4)
         board.ask("send something to read")
-    scene.ended(run, 6, what=f"{call}, {how}")
-    (result,) = run.events("result")
-    scene.check(result["code"].startswith("hw."), f"{call}, {how}: {result['code']}")
+    code = "hw.port_stalled" if "sleep" in how else "hw.driver"
+    failed, ended = scene.faulted(run, code), time.monotonic()
+    calls = [float(each) for each in (scene.folder / "wrong").read_text().split()]
+    scene.figure(1000 * (failed - calls[0]))
+    scene.check(ended - failed < ENDED_S, f"{call}, {how}: it ended after {ended - failed:.1f} s")
     most = after if call == "write" else 1
     scene.check(len(board.frames()) <= most, f"{call}, {how}: {len(board.frames())} frames")
 

@@ -1,6 +1,7 @@
 """The port disappears, returns, takes no bytes, or takes them in pieces."""
 
 import contextlib
+import itertools
 import os
 import random
 import signal
@@ -11,6 +12,7 @@ from tests.faults.board import Board
 from tests.faults.means.wrong_calls import WrongCalls
 from tests.faults.process import Server, until
 from tests.faults.row import Scene, row
+from tests.faults.rows.bus import in_motion as bus_in_motion, running as bus_running
 
 
 @row(
@@ -201,26 +203,33 @@ def fill(board: Board) -> None:
 
 @row(
     "write-without-end",
-    "writes to the port make no progress: they fail with EAGAIN for ever, take zero bytes, or"
-    " return after seconds",
+    "writes to the port of the serial board, or of a bus of servos, make no progress: they fail"
+    " with EAGAIN for ever, take zero bytes, or return after seconds",
     "the goal ends `hw.port_stalled` with exit status 6; then no call is made again",
     limit=400,  # the deadline of 300, and the last call that was made before it
     unit="ms",
-    times=4,
+    times=8,
     quick=1,
 )
 def write_without_end(scene: Scene) -> None:
-    board = scene.board()
-    calls = WrongCalls(scene.folder, board.port)
-    run = scene.moving(board, calls=calls)
-    scene.unreceived = 1
-    (how,) = scene.share(["errno 11", "zero", "delay 4000", "hang 150"])
-    calls.start(how)
-    until("a spoiled call", calls.calls)
-    failed = scene.faulted(run, "hw.port_stalled")
-    scene.figure(1000 * (failed - calls.calls()[0]))
-    late = [each for each in calls.calls() if each > failed]
-    scene.check(not late, f"{how}: {len(late)} calls after the fault")
+    kinds = itertools.product(("board", "bus"), ("errno 11", "zero", "delay 4000", "hang 150"))
+    ((what, how),) = scene.share(kinds)
+    with contextlib.ExitStack() as stack:
+        if what == "bus":
+            file, bus = stack.enter_context(bus_running(scene.folder))
+            calls = WrongCalls(scene.folder, bus.port)
+            run = bus_in_motion(scene, file, bus, calls.environment)
+        else:
+            board = scene.board()
+            calls = WrongCalls(scene.folder, board.port)
+            run = scene.moving(board, calls=calls)
+        scene.unreceived = 1
+        calls.start(how)
+        until("a spoiled call", calls.calls)
+        failed = scene.faulted(run, "hw.port_stalled")
+        scene.figure(1000 * (failed - calls.calls()[0]))
+        late = [each for each in calls.calls() if each > failed]
+        scene.check(not late, f"{what}, {how}: {len(late)} calls after the fault")
     scene.verified()
 
 
