@@ -9,7 +9,7 @@ import socket
 import threading
 import time
 import zlib
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 
 from tests.faults.process import Command, until
@@ -137,58 +137,57 @@ def program(pieces: Answer, greets: bool = False) -> Iterator[str]:
 
 @row(
     "wrong-server",
-    "another program answers a command: no JSON, a list, other keys, a redirect, a body or head "
+    "another program answers each command: no JSON, a list, other keys, a redirect, a body or head "
     "without end, at once or slowly, 0.3 MB that unpack to 0.3 GB",
     "exit status 13 and one line, beside one while it waits; memory stays below 200 MiB",
     limit=15,
     unit="s",
-    times=1,
+    times=4,
 )
 def wrong_server(scene: Scene) -> None:
-    def asked(address: str) -> list[str]:
-        return [*scene.random.choice(COMMANDS).split(), "--server", f"http://{address}"]
-
-    wrong_program(scene, WRONG, asked)
+    lines = [f"{words} --server http://{{}}" for words in scene.share(COMMANDS)]
+    wrong_program(scene, WRONG, lines)
 
 
 def wrong_program(
-    scene: Scene, wrong: Mapping[str, Answer], asked: Callable[[str], list[str]], **how: bool
+    scene: Scene, wrong: Mapping[str, Answer], lines: Sequence[str], **how: bool
 ) -> None:
-    """Run a command at each of these programs: it ends with 13 and one line, and takes little.
+    """Run each command at each of these programs: it ends with 13 and one line, and takes little.
 
     Args:
         scene: The injection.
         wrong: What each program sends. Those with `slow` in their names run at the same time.
-        asked: Gives the arguments of a command, of the address of a program.
+        lines: The commands, each with {} for the address of a program.
         how: As of `program`.
     """
     commands, memory, seconds = dict[str, Command](), dict[str, float](), dict[str, float]()
 
-    def ended(name: str) -> bool:
+    def ended(what: str) -> bool:
         for each, command in commands.items():
             with contextlib.suppress(OSError, ValueError):  # it has just ended
                 memory[each] = max(memory.get(each, 0.0), command.memory())
             if command.popen.poll() is not None:
                 seconds.setdefault(each, time.monotonic() - command.started)
-        return name in seconds
+        return what in seconds
 
     with contextlib.ExitStack() as stack:
         for name in sorted(wrong, key=lambda name: "slow" not in name):
             address = stack.enter_context(program(wrong[name], **how))
-            commands[name] = scene.armtree(*asked(address))
-            if "slow" not in name:
-                until(f"the end at {name}", partial(ended, name))
-        for name in wrong:
-            until(f"the end at {name}", partial(ended, name))
-    for name, command in commands.items():
-        what = f"{command.words} at {name}"
-        scene.figure(seconds[name])
+            for line in lines:
+                what = f"{line} at {name}"
+                commands[what] = scene.armtree(*line.format(address).split())
+                if "slow" not in name:
+                    until(f"the end of {what}", partial(ended, what))
+        for what in commands:
+            until(f"the end of {what}", partial(ended, what))
+    for what, command in commands.items():
+        scene.figure(seconds[what])
         scene.ended(command, 13, what=what)
-        lines = command.errors.read_text().splitlines()
-        said = [each for each in lines if "answer yet" not in each]  # it waits
+        printed = command.errors.read_text().splitlines()
+        said = [each for each in printed if "answer yet" not in each]  # it waits
         scene.check(len(said) == 1 and "bug" not in said[0], f"{what}: it says {said}")
-        scene.check(memory[name] < 200, f"{what}: {memory[name]:.0f} MiB")
-    scene.injections = len(wrong)
+        scene.check(memory[what] < 200, f"{what}: {memory[what]:.0f} MiB")
+    scene.injections = len(commands)
 
 
 EVIL = "\x1b]0;owned\x07\x1b[2J\x9b1A\r\u202e"

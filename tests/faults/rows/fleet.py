@@ -281,16 +281,13 @@ COMMANDS = (
 
 @row(
     "wrong-fleet",
-    "another program answers a command of a fleet, in place of NATS: another protocol, other "
+    "another program answers each command of a fleet, in place of NATS: another protocol, other "
     "fields, a line or a message without end, at once or slowly",
     "exit status 13 and one line; memory stays below 200 MiB",
     limit=15,
     unit="s",
-    times=1,
+    times=2,
 )
 def wrong_fleet(scene: Scene) -> None:
-    def asked(address: str) -> list[str]:
-        words = scene.random.choice(COMMANDS).split()
-        return ["fleet", *words, "--fleet", f"nats://{address}"]
-
-    wrong_program(scene, WRONG, asked, greets=True)
+    lines = [f"fleet {words} --fleet nats://{{}}" for words in scene.share(COMMANDS)]
+    wrong_program(scene, WRONG, lines, greets=True)
