@@ -41,16 +41,23 @@ class Use(NamedTuple):
     memory: float
 
 
+def used(command: Command) -> Use:
+    """Wait for the end of a command, and return what it took."""
+    processor = most = 0.0
+    while command.popen.poll() is None and time.monotonic() < command.started + HANG_S:
+        with contextlib.suppress(OSError, IndexError):  # it has just ended
+            most, processor = max(most, command.memory()), command.processor()
+        time.sleep(0.01)  # noqa: TID251, it samples another process
+    command.wait()
+    return Use(time.monotonic() - command.started, processor, most)
+
+
 def checked(scene: Scene, folder: Path) -> tuple[Command, Use]:
     """`armtree check` of a folder with mistakes."""
-    begin, processor, most = time.monotonic(), 0.0, 0.0
     check = scene.armtree("check", "--trees", folder)
-    while check.popen.poll() is None and time.monotonic() < begin + HANG_S:
-        with contextlib.suppress(OSError, IndexError):  # it has just ended
-            most, processor = max(most, check.memory()), check.processor()
-        time.sleep(0.01)  # noqa: TID251, it samples another process
+    use = used(check)
     scene.ended(check, 3, what=folder.name)
-    return check, Use(time.monotonic() - begin, processor, most)
+    return check, use
 
 
 @row(
