@@ -272,7 +272,7 @@ REFUSED_S = 1.5  # for a scene that is too large; a third of it is the start of 
 def huge_scenes(scene: Scene) -> None:
     ((bodies, few),) = scene.share(itertools.product((True, False), repeat=2))
     count = scene.random.randint(500, 900) if few else scene.random.randint(1001, 6000)
-    arguments = _world_of(scene, count) if bodies else _robot_of(scene, count)
+    arguments = world_of(scene, count) if bodies else robot_of(scene, count)
     plan = scene.armtree("plan", "joint_1=0.5", *arguments)
     use, status = used(plan), plan.wait()
     scene.figure(use.seconds)
@@ -287,7 +287,7 @@ def huge_scenes(scene: Scene) -> None:
         scene.check(use.processor < REFUSED_S, f"{count}: {use.processor:.2f} s of processor time")
 
 
-def _world_of(scene: Scene, count: int) -> list[str | Path]:
+def world_of(scene: Scene, count: int) -> list[str | Path]:
     """An obstacle file with many bodies."""
     places = [[0.3 + 0.01 * (i % 50), 0.01 * (i // 50), 0.2] for i in range(count)]
     world = [
@@ -299,7 +299,7 @@ def _world_of(scene: Scene, count: int) -> list[str | Path]:
     return ["--world", path]
 
 
-def _robot_of(scene: Scene, count: int) -> list[str | Path]:
+def robot_of(scene: Scene, count: int) -> list[str | Path]:
     """The shipped robot with many links on its base."""
     urdf = ROBOT_FILE.with_suffix(".urdf").read_text()
     shape = '<collision><geometry><box size="0.002 0.002 0.002"/></geometry></collision>'

@@ -5,14 +5,18 @@ import re
 import signal
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 from itertools import pairwise
+from pathlib import Path
 from typing import NamedTuple
 
 from tests.faults.board import Board, OwnFirmware, Read, Sketch
 from tests.faults.means.wrong_calls import WrongCalls
 from tests.faults.process import ARMTREE, kill, until
 from tests.faults.row import Row, Scene, frames_of, row
+from tests.faults.rows.planning import robot_of, world_of
+from tests.support.recordings.bombs import BOMBS
 
 
 @row(
@@ -40,23 +44,46 @@ def signals(scene: Scene) -> None:
     scene.verified()
 
 
+def recordings_of(scene: Scene) -> list[str | Path]:
+    """A folder of recordings that unpack to 0.3 GB each."""
+    folder, bomb = scene.folder / "huge", BOMBS["empty messages"]()
+    folder.mkdir()
+    for number in range(100):
+        (folder / f"{number}.mcap").write_bytes(bomb)
+    return [folder]
+
+
+# Commands that read large files for a second or longer, and what makes the files.
+READS: dict[str, tuple[tuple[str, ...], Callable[[Scene], list[str | Path]]]] = {
+    "900 bodies": (("plan", "joint_1=0.5"), partial(world_of, count=900)),
+    "900 links": (("plan", "joint_1=0.5"), partial(robot_of, count=900)),
+    "recordings": (("replay", "--verify"), recordings_of),
+}
+
+
 @row(
     "signals-early",
-    "SIGINT, SIGTERM or SIGHUP at a random time from the start of the command to its first motion",
+    "SIGINT, SIGTERM or SIGHUP at a random time from the start of the command to its first motion,"
+    " or while it reads a URDF of 900 links, a file of 900 obstacles or large recordings",
     "it ends, with exit status 7 or that of the signal, or by the signal itself, without a"
     " traceback",
     limit=3,
     unit="s",
-    times=6,
+    times=12,
 )
 def signals_early(scene: Scene) -> None:
-    board = scene.board()
-    run = scene.run("20", board=board)
-    time.sleep(scene.random.uniform(0.0, 3.0))  # noqa: TID251, a random moment
-    which = scene.random.choice([signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    ((which, read),) = scene.share(itertools.product(numbers, ("", *READS)))
+    if read:
+        words, files = READS[read]
+        run = scene.armtree(*words, *files(scene))
+    else:
+        run = scene.run("20", board=scene.board())
+    time.sleep(scene.random.uniform(0.0, 0.8 if read else 3.0))  # noqa: TID251, a random moment
+    what = f"{which.name}, {read or 'a run'}"
+    scene.check(run.popen.poll() is None, f"{what}: it had ended before")
     sent = run.signal(which)
-    allowed = (7, 128 + which, -which)
-    scene.ended(run, *allowed, what=which.name)
+    scene.ended(run, 7, 128 + which, -which, what=what)
     scene.figure(time.monotonic() - sent)
     until("the end of its processes", lambda: not run.family())
 
