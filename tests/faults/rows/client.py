@@ -12,6 +12,7 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 
+from executive.api.events import Where
 from tests.faults.process import Command, until
 from tests.faults.row import TASKS, Scene, row
 
@@ -218,10 +219,28 @@ tree:
 """
 
 
+# What another program answers: an error, and the answers of several operations in one.
+ERROR = {
+    **{"code": "goal.busy", "message": FORGED, "hint": FORGED, "node": EVIL, "place": EVIL},
+    **{"joint": EVIL, "value": None, "limit": None},
+}
+GOAL = {"goal_id": 32 * "a", "task": 23, "state": "EXECUTING", "stamp_ns": 1, "result": None}
+ANSWERS = {
+    **Where(units={FORGED: "rad"}).to_json(),
+    **{"arm": "active", "fault": ERROR, "port": FORGED, "commanded": {FORGED: 0.0}},
+    **{"measured": None, "goal": GOAL, "percentage": None, "phase": FORGED, "node": FORGED},
+    **{"attempt": 1, "waiting": [], "policy": "reject", "paused": False, "breakpoints": [FORGED]},
+    **{"stops": 0, "uptime_s": 1.0, "time_s": 1.0, "url": FORGED},
+    "questions": [{"question_id": 8 * "a", "text": FORGED, "choices": [FORGED]}],
+}
+REFUSED = ("status", "send 23", "send 23 --wait", "cancel", "watch", "arm activate", "pause")
+ANSWERED = ("status", "status --json", "break", "break swing", "answer", "view --print")
+
+
 @row(
     "escapes",
-    "a task's texts, what its skills log, return and raise, and the errors of a server have "
-    "control characters and forged lines",
+    "a task's texts, what its skills log, return and raise, and the errors and answers of a server"
+    " have control characters and forged lines",
     "no command and no log prints a control character, or a forged line at the start of a line",
     times=2,
 )
@@ -241,12 +260,15 @@ def escapes(scene: Scene) -> None:
         (scene.armtree("tasks", *trees), 0),
         (scene.armtree("show", "60", "--ports", *trees, *skills), 0),
     ]
-    fields = {"code": "goal.busy", "message": FORGED, "hint": FORGED, "node": EVIL}
-    error = json.dumps(
-        {**fields, "joint": "", "place": EVIL, "argument": EVIL, "value": None, "limit": None}
-    ).encode()
-    with program(answer(error, "409 Conflict")) as address:
-        ends.append((scene.armtree("status", "--server", f"http://{address}"), 4))
+    refusal, other = json.dumps(ERROR).encode(), json.dumps(ANSWERS).encode()
+    with (
+        program(answer(refusal, "409 Conflict")) as refusing,
+        program(answer(other)) as answering,
+    ):
+        for words in REFUSED:
+            ends.append((scene.armtree(*words.split(), "--server", f"http://{refusing}"), 4))
+        for words in ANSWERED:
+            ends.append((scene.armtree(*words.split(), "--server", f"http://{answering}"), 0))
         for command, status in ends:
             scene.ended(command, status)
     watching.signal(signal.SIGINT)
