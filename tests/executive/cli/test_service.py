@@ -214,3 +214,15 @@ def test_an_answer_of_no_changes_nothing(machine: Path, monkeypatch: pytest.Monk
 def test_the_page_shows_the_same_files() -> None:
     assert unit_text(Path("/opt/armtree/bin/armtree"), BY_ID) in PAGE
     assert udev_rule(USB) in PAGE
+
+
+def test_the_page_promises_what_systemd_is_told() -> None:
+    """The server reports at half of the watchdog's timeout: tests/executive/server/systemd."""
+    lines = unit_text(Path("/a/armtree"), "virtual").splitlines()
+    unit = dict(line.split("=", 1) for line in lines if "=" in line)
+    assert unit["Type"] == "notify"  # else systemd does not listen to the reports
+    assert unit["Restart"] == "on-failure"  # of a crash, and of a watchdog that ends
+    seconds = int(unit["WatchdogSec"])
+    assert f"again if the server crashes or hangs for {seconds} s." in PAGE
+    reports = f"reports to systemd every {seconds / 2:g} s. If it does not for {seconds} s, systemd"
+    assert reports in PAGE

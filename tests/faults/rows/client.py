@@ -12,7 +12,6 @@ import zlib
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
 
-from executive.api.events import Where
 from tests.faults.process import Command, until
 from tests.faults.row import TASKS, Scene, row
 
@@ -219,18 +218,24 @@ tree:
 """
 
 
-# What another program answers: an error, and the answers of several operations in one.
 ERROR = {
-    **{"code": "goal.busy", "message": FORGED, "hint": FORGED, "node": EVIL, "place": EVIL},
-    **{"joint": EVIL, "value": None, "limit": None},
+    "code": "goal.busy",
+    "message": FORGED,
+    "node": EVIL,
+    "joint": EVIL,
+    "value": None,
+    "limit": None,
+    "hint": FORGED,
+    "place": EVIL,
 }
-GOAL = {"goal_id": 32 * "a", "task": 23, "state": "EXECUTING", "stamp_ns": 1, "result": None}
-ANSWERS = {
-    **Where(units={FORGED: "rad"}).to_json(),
-    **{"arm": "active", "fault": ERROR, "port": FORGED, "commanded": {FORGED: 0.0}},
-    **{"measured": None, "goal": GOAL, "percentage": None, "phase": FORGED, "node": FORGED},
-    **{"attempt": 1, "waiting": [], "policy": "reject", "paused": False, "breakpoints": [FORGED]},
-    **{"stops": 0, "uptime_s": 1.0, "time_s": 1.0, "url": FORGED},
+# Over what a server answers: the texts of several operations.
+TEXTS = {
+    "fault": ERROR,
+    "port": FORGED,
+    "phase": FORGED,
+    "node": FORGED,
+    "breakpoints": [FORGED],
+    "url": FORGED,
     "questions": [{"question_id": 8 * "a", "text": FORGED, "choices": [FORGED]}],
 }
 REFUSED = ("status", "send 23", "send 23 --wait", "cancel", "watch", "arm activate", "pause")
@@ -252,6 +257,7 @@ def escapes(scene: Scene) -> None:
     server = scene.serve("--activate", *skills)
     watching = scene.armtree("watch", "--verbose", "--server", server.url)
     until("the watcher", lambda: server.result(server.goal(23)) and watching.text())
+    server.result(done := server.goal(23))
     run = ("run", "60", "--port", "virtual", *trees, *skills)
     ends = [
         (scene.armtree("send", "60", "--wait", "--server", server.url), 11),
@@ -260,22 +266,25 @@ def escapes(scene: Scene) -> None:
         (scene.armtree("tasks", *trees), 0),
         (scene.armtree("show", "60", "--ports", *trees, *skills), 0),
     ]
-    refusal, other = json.dumps(ERROR).encode(), json.dumps(ANSWERS).encode()
+    honest = {**server.get("/api/where"), **server.get("/api/status")}
+    forged = {**honest, **TEXTS, "goal": server.get(f"/api/goals/{done}")}
     with (
-        program(answer(refusal, "409 Conflict")) as refusing,
-        program(answer(other)) as answering,
+        program(answer(json.dumps(ERROR).encode(), "409 Conflict")) as refusing,
+        program(answer(json.dumps(forged).encode())) as answering,
     ):
         for words in REFUSED:
-            ends.append((scene.armtree(*words.split(), "--server", f"http://{refusing}"), 4))
+            asked = [*words.split(), "--server", f"http://{refusing}"]
+            ends.append((scene.armtree(*asked), 4))
         for words in ANSWERED:
-            ends.append((scene.armtree(*words.split(), "--server", f"http://{answering}"), 0))
+            asked = [*words.split(), "--server", f"http://{answering}"]
+            ends.append((scene.armtree(*asked), 0))
         for command, status in ends:
             scene.ended(command, status)
     watching.signal(signal.SIGINT)
     scene.ended(watching, 130)
     recording = next(each for each in scene.recordings() if each.stem.endswith("-60"))
-    for words in (["log", "info"], ["log", "show"], ["show"]):
-        ends.append((scene.armtree(*words, recording), 0))
+    for shown in (["log", "info"], ["log", "show"], ["show"]):
+        ends.append((scene.armtree(*shown, recording), 0))
         scene.ended(*ends[-1])
     for command in (server, watching, *(each for each, _ in ends)):
         raw = command.output.read_bytes() + command.errors.read_bytes()

@@ -26,9 +26,8 @@ READERS = (
 
 @row(
     "recording-bombs",
-    "small recordings that unpack to 0.3 GB, claim any length, are nested 100,000 deep, or have a"
-    " hole of 1 TB, for"
-    " every command that reads recordings, and for the page of a server",
+    "small recordings unpack to 0.3 GB, claim any length, are nested 100,000 deep, or have a hole"
+    " of 1 TB; every command for recordings reads them, and a server has them in its folder",
     "the server starts, answers, and takes less than 300 MiB; every command ends with a code of its"
     " own, within 1 GiB of addresses",
     limit=5,

@@ -144,17 +144,17 @@ flood_held = flood(
 flood_stops = flood("stops", "stop the arm, each time on a new connection", stops=True)
 flood_open = flood("stops on open connections", "stop the arm again and again", stops=True)
 flood_pipelined = flood("pipelined stops", "send 500 stops at once", stops=True)
-flood_bodies = flood("stops with bodies", "stops whose bodies come later, in part", stops=True)
+flood_bodies = flood(
+    "stops with bodies", "stops with bodies, and a part of each body comes later", stops=True
+)
 flood_long = flood("long stops", "stops with 11,000 header lines")
 flood_wide = flood("wide stops", "stops with 480 header lines in 2 kB")
 flood_foreign_long = flood("foreign long stops", "stops with 11,000 header lines for another host")
 flood_foreign = flood("foreign stops", "stops for another host")
-flood_endless = flood("endless stops", "stops whose 11,000 header lines do not end")
+flood_endless = flood("endless stops", "stops with 11,000 header lines and no end")
 flood_unfinished = flood("unfinished stops", "send a stop but for its last line, and leave")
 flood_behind = flood("stops behind lines", "stops as the last of 8 kB of header lines")
-flood_chunks = flood(
-    "chunks", "stops whose bodies have a thousand chunks and do not end", stops=True
-)
+flood_chunks = flood("chunks", "stops with bodies of a thousand chunks and no end", stops=True)
 flood_cancels = flood("long cancels", "cancels with 11,000 header lines")
 flood_bodies_huge = flood("huge bodies", "goals with bodies of 1 GB")
 flood_json = flood("bad JSON", "goals of 60,000 brackets")
@@ -168,7 +168,7 @@ flood_rosbridge = flood("rosbridge cancels", "cancels through rosbridge; 16 are 
 
 @row(
     "large-messages",
-    "clients read recordings of less than 1 MB whose messages have 1 to 14 MB, while the arm moves",
+    "clients read recordings of less than 1 MB with messages of 1 to 14 MB, while the arm moves",
     "a stop, and each frame, is in time; the server takes less than 500 MiB",
     limit=50,
     worst=250,

@@ -50,6 +50,18 @@ def test_a_loop_that_hangs_reports_nothing(manager: socket.socket) -> None:
     loop.close()
 
 
+def test_reports_come_at_half_of_the_timeout(
+    manager: socket.socket, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("WATCHDOG_USEC", "30000000")
+    loop, delays = asyncio.new_event_loop(), list[float]()
+    monkeypatch.setattr(loop, "call_later", lambda delay, *_: delays.append(delay))
+    SystemdNotifier().ready(loop)
+    assert [manager.recv(99) for _ in range(2)] == [b"READY=1", b"WATCHDOG=1"]
+    assert delays == [15.0]
+    loop.close()
+
+
 def test_only_a_name_that_begins_with_an_at_sign_is_abstract(tmp_path: Path) -> None:
     for name, address in (
         (f"{tmp_path}/a@b", f"{tmp_path}/a@b"),
