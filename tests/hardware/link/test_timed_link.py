@@ -2,7 +2,9 @@
 
 import os
 import threading
+import time
 from collections.abc import Iterator
+from typing import Any
 
 import pytest
 
@@ -55,6 +57,26 @@ def test_a_driver_that_does_not_return_is_a_stalled_port_and_sends_nothing_later
     assert link._writer
     link._writer.join(5)
     assert driver.written == [b"first"]
+
+
+def test_a_write_that_begins_late_has_its_whole_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on a busy machine. Else its bytes would be sent after the fault."""
+    monkeypatch.setattr("hardware.link.timed_link._WAIT", 0.02)  # so the deadline is 0.2 s
+    driver = Stuck()
+    link = TimedLink(driver, RealClock())
+    begin = link._run
+
+    def begin_late(*call: Any) -> None:
+        time.sleep(0.15)  # noqa: TID251, the writer gets no processor time
+        threading.Timer(0.15, driver.leave.set).start()
+        begin(*call)
+
+    monkeypatch.setattr(link, "_run", begin_late)
+    link.open()
+    link.write(b"first")
+    assert driver.written == [b"first"]
+    monkeypatch.setattr(link, "_run", begin)
+    link.close()
 
 
 def test_what_the_driver_raises_is_raised_and_no_thread_is_left(
