@@ -223,6 +223,7 @@ ERROR = {
     "message": FORGED,
     "node": EVIL,
     "joint": EVIL,
+    "argument": EVIL,
     "value": None,
     "limit": None,
     "hint": FORGED,
