@@ -4,6 +4,7 @@ import contextlib
 import functools
 import itertools
 import json
+import os
 import signal
 import socket
 import threading
@@ -245,8 +246,8 @@ ANSWERED = ("status", "status --json", "break", "break swing", "answer", "view -
 
 @row(
     "escapes",
-    "a task's texts, what its skills log, return and raise, and the errors and answers of a server"
-    " have control characters and forged lines",
+    "a task's texts, what its skills log, return and raise, the errors and answers of a server, and"
+    " its file in the runtime folder have control characters and forged lines",
     "no command and no log prints a control character, or a forged line at the start of a line",
     times=2,
 )
@@ -287,6 +288,10 @@ def escapes(scene: Scene) -> None:
     for shown in (["log", "info"], ["log", "show"], ["show"]):
         ends.append((scene.armtree(*shown, recording), 0))
         scene.ended(*ends[-1])
+    left = {"url": f"http://127.0.0.1:1/{FORGED}", "token": EVIL, "pid": os.getpid()}
+    scene.write({"armtree/server-1.json": json.dumps(left)})
+    ends.append((scene.armtree("stop"), 13))
+    scene.ended(*ends[-1])
     for command in (server, watching, *(each for each, _ in ends)):
         raw = command.output.read_bytes() + command.errors.read_bytes()
         said = raw.decode(errors="replace")
