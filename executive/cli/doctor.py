@@ -4,18 +4,16 @@ import json
 import platform
 import shlex
 import sys
-from collections.abc import Iterator
 from dataclasses import asdict
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from click.core import ParameterSource
 
 from executive.code_table import exit_status
 
-from .settings import PATH
+from .settings import PATH, given_options
 from .support.command_group import command
 from .support.names import first_motion, load_library
 from .support.options import (
@@ -88,7 +86,7 @@ def doctor(
     loaded, library = load_library(trees, robot)
     numbers = library.numbers()
     first = ["run", f"{numbers[0]}"] if numbers else first_motion(loaded)
-    command = ["armtree", *first, *_given(context, "port", "robot", "trees", "recordings")]
+    command = ["armtree", *first, *given_options(context, "port", "robot", "trees", "recordings")]
     echo(f"\nNext, type: {shlex.join(command)}", whole=True)
 
 
@@ -107,10 +105,3 @@ def _write_report(path: Path, checks: "list[Check]", ports: "list[SerialPort]") 
         "serial_ports": [asdict(port) for port in ports],
     }
     write_file(path, f"{json.dumps(found, indent=2)}\n".encode())
-
-
-def _given(context: click.Context, *names: str) -> Iterator[str]:
-    """Yield the options on the command line, with their values."""
-    for name in names:
-        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
-            yield from (f"--{name}", str(context.params[name]))

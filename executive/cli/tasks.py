@@ -1,6 +1,7 @@
 """`armtree tasks`, `check`, `show`, `new`, `skills` and `schema`: commands for task files."""
 
 import json
+import shlex
 import sys
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -11,7 +12,7 @@ import click
 from hardware import DISPLAY_UNITS, write_file
 from hardware.printable import escaped, plural
 
-from .settings import PATH, Whole, option
+from .settings import PATH, Whole, given_options, option
 from .support.command_group import command
 from .support.failures import plain_mistake, print_incomplete
 from .support.names import TASK_OR_RECORDING, load_library
@@ -315,6 +316,5 @@ def new(number: int, name: str, trees: Path, robot: Path | None) -> None:
     from trees.writing.new_task import write_task
 
     path = write_task(load_robot(robot), trees, number, name)
-    given = "" if trees == Path("trees") else f" --trees {trees}"
-    given += f" --robot {robot}" if robot else ""
+    given = shlex.join(["", *given_options(click.get_current_context(), "trees", "robot")])[2:]
     echo(f"{path}\nNext, type: armtree check{given}, then armtree run {number}{given}", whole=True)

@@ -11,6 +11,7 @@ from .option import (
     SETTINGS_SECTION as SETTINGS_SECTION,
     F as F,
     find_setting as find_setting,
+    given_options as given_options,
     option as option,
 )
 from .rows import SETTINGS as SETTINGS, environment_name as environment_name

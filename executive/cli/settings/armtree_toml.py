@@ -113,7 +113,11 @@ def _read(path: Path) -> tuple[dict[str, Configured], list[str]]:
     for name in table:
         try:
             if name not in SETTINGS:
-                table.fail(name, f"unknown key; {there_are(name, SETTINGS)}")
+                there = there_are(name, SETTINGS)
+                there += "" if there.endswith("?") else "; `armtree config` lists them"
+                if table.is_table(name):
+                    there = f"there are no tables: write its settings at the top, without [{name}]"
+                table.fail(name, f"unknown key; {there}")
             value = SETTINGS[name].read(table, name, path.parent)
             values[name] = Configured(value, f"{path}:{table.line(name)}")
         except DescriptionError as error:

@@ -4,7 +4,7 @@ Precedence: option, environment, the file nearest to the working directory, the 
 default.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any, TypeVar
 
 import click
@@ -80,6 +80,13 @@ def _arguments(name: str) -> dict[str, Any]:
         "default": row.default,
         "show_default": row.default is not None and not callable(row.default),
     }
+
+
+def given_options(context: click.Context, *names: str) -> Iterator[str]:
+    """Yield the options on the command line, with their values."""
+    for name in names:
+        if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
+            yield from (f"--{name}", str(context.params[name]))
 
 
 def find_setting(ctx: click.Context, name: str) -> tuple[Any, str]:

@@ -109,7 +109,7 @@ def test_commands_use_the_files(project: Path) -> None:
     [
         ("seed = 1\nprot = 1", ":2: prot: unknown key; did you mean port?"),
         ("prot = 1", "did you mean port?"),
-        ("[serial]\nport = 1", ":1: serial: unknown key"),
+        ("[serial]\nport = 1", ":1: serial: unknown key; there are no tables"),
         ("port = 1", ":1: port: 1 is not a text"),
         ("seed = 0", ":1: seed: 0 is not from 1 to "),
         ("seed = 1.5", ":1: seed: 1.5 is not a whole number"),
@@ -204,3 +204,12 @@ def test_a_folder_of_tasks_that_does_not_exist_yet_is_a_note(project: Path) -> N
     assert "there is no such folder" in str(armtree("tasks", "--trees", "x").exception)
     assert armtree("new", "3", "wave").exit_code == 0
     assert (project / "later" / "arduinobot" / "3_wave.yaml").exists()
+
+
+def test_the_next_command_of_a_new_task_leaves_out_what_a_file_sets(project: Path) -> None:
+    configure(project, 'robot = "so101"\ntrees = "mine"')
+    assert armtree("new", "4", "hop").output.splitlines()[-1] == (
+        "Next, type: armtree check, then armtree run 4"
+    )
+    said = armtree("new", "5", "hop_again", "--trees", "other").output.splitlines()[-1]
+    assert said == "Next, type: armtree check --trees other, then armtree run 5 --trees other"
