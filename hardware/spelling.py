@@ -88,7 +88,7 @@ def there_are(word: str, known: Iterable[str], given: Collection[str] = ()) -> s
         return f"there are {choices(word, names, given)}"
     found = _similar(word, names)
     if not found:
-        return "no known name is similar"
+        return f"there are {', '.join(names[:_SHOWN])} and {len(names) - _SHOWN} more"
     if near := closest(word, names, _NEARER):
         return f"did you mean {near}?"
     return f"the most similar {'is' if len(found) == 1 else 'are'} {', '.join(found)}"

@@ -6,7 +6,7 @@ import reprlib
 import sys
 import tomllib
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -56,8 +56,11 @@ class TomlTable:
         except RecursionError as error:
             raise DescriptionError(path, 0, "its lists or tables are nested too deep") from error
         except ValueError as error:  # also a number with thousands of digits
-            line = re.search(r"at line (\d+)", str(error))
-            raise DescriptionError(path, int(line[1]) if line else 0, str(error)) from error
+            found = re.fullmatch(
+                r"(.*) \(at (?:line (\d+), column \d+|end of document)\)", str(error)
+            )
+            why, line = (found[1], int(found[2] or 0)) if found else (str(error), 0)
+            raise DescriptionError(path, line, why + _repaired(text, line)) from error
         return cls(path, _key_lines(text), "", values)
 
     def fail(self, key: str, message: str) -> NoReturn:
@@ -165,6 +168,10 @@ class TomlTable:
         table.mistakes = self.mistakes
         return table
 
+    def is_table(self, key: str) -> bool:
+        """Return True if the value of a key is a table."""
+        return isinstance(self._values.get(key), dict)
+
     def __iter__(self) -> Iterator[str]:
         return iter(self._values)
 
@@ -194,7 +201,7 @@ class TomlTable:
             self._miss(key)
         right = isinstance(value, (int, float) if kind is float else kind)
         if not right or (isinstance(value, bool) and kind is not bool):
-            self.fail(key, f"{value!r} is not {_KINDS[kind]}")
+            self.fail(key, f"{value!r} is not {_KINDS[kind]}{_instead(value, kind)}")
         return value
 
     def _miss(self, key: str) -> NoReturn:
@@ -214,6 +221,35 @@ class TomlTable:
         while full not in self._lines and "." in full:
             full = full.rpartition(".")[0]
         return self._lines.get(full, 0)
+
+
+# Slips of a line: pattern and replacement.
+_SLIPS = (
+    (r"^(\s*[\w.-]+)\s*:\s*", r"\1 = "),
+    (r"\b(True|False)\b", lambda found: found[0].lower()),
+    (r"(=\s*)([^\s#\"'\[{][^#]*?)(?=\s*(#.*)?$)", r'\1"\2"'),
+)
+
+
+def _repaired(text: str, line: int) -> str:
+    """Return `; write LINE` if a small change of a line makes the file valid up to it."""
+    lines = text.splitlines()[:line]
+    for pattern, instead in _SLIPS if lines else ():
+        last = re.sub(pattern, instead, lines[-1])
+        with suppress(ValueError):
+            tomllib.loads("\n".join([*lines[:-1], last]))
+            return f"; write {last.partition(' #')[0].strip()}"
+    return ""
+
+
+def _instead(value: Any, kind: type) -> str:
+    """Return what to write for a text of a wrong kind; empty for other values."""
+    if kind is list and isinstance(value, str):
+        names = ", ".join(f'"{name}"' for name in re.split(r"[,\s]+", value) if name)
+        return f"; write [{names}]"
+    if kind in (int, float) and isinstance(value, str):
+        return "; write a number without quotes and unit"
+    return "; write it without quotes" if str(value) in ("true", "false") else ""
 
 
 def _key_lines(text: str) -> dict[str, int]:

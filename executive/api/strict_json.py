@@ -19,6 +19,8 @@ class NotJson(ValueError):
     def __init__(self, cause: str | ValueError) -> None:
         found = cause if isinstance(cause, json.JSONDecodeError) else None
         self.why = found.msg if found else str(cause)
+        if found and found.doc[: found.pos].rstrip().endswith(","):
+            self.why += "; leave out the comma before it"
         self.line, self.column = (found.lineno, found.colno) if found else (0, 0)
         super().__init__(str(cause))
 

@@ -133,7 +133,9 @@ def _urdf(root: TomlTable, path: Path) -> Urdf:
     except UrdfError as error:
         raise DescriptionError(path, error.line, str(error)) from error
     except (OSError, ValueError, LookupError) as error:  # the path or its encoding is invalid
-        root.fail("urdf", f"{path} cannot be read: {getattr(error, 'strerror', error)}")
+        why = f"{path} cannot be read: {getattr(error, 'strerror', error)}"
+        way = "; give a file, relative to the folder of this file"
+        root.fail("urdf", why + (way if isinstance(error, FileNotFoundError) else ""))
 
 
 def _board(root: TomlTable, driver: Driver | NullDriver) -> tuple[Serial, Firmware]:

@@ -198,7 +198,7 @@ class World:
             BadWorld: The value is not a valid list of bodies.
         """
         if not isinstance(bodies, Iterable) or isinstance(bodies, str | Mapping):
-            raise BadWorld(f"{_shown(bodies)} is not a list of bodies")
+            raise BadWorld(f"{_shown(bodies)} is not a list of bodies, such as {_EXAMPLE}")
         found = []
         for number, body in enumerate(bodies, 1):
             try:
@@ -209,6 +209,7 @@ class World:
 
 
 EMPTY = World()
+_EXAMPLE = '[{"name": "post", "box": {"size": [0.03, 0.03, 0.2]}, "position": [0.2, 0, 0.1]}]'
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
