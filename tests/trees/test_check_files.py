@@ -78,7 +78,8 @@ OWN_FILES = [
     (
         "look.yaml",
         "subtree: look\ndescription: x\nports: {}\nreplaces: look\ntree: Succeed\n",
-        "4:1 replaces: no subtree look ships; no known name is similar",
+        "4:1 replaces: no subtree look ships; there are follow, follow_leader, go, move_joints, "
+        "move_mixed and 5 more",
     ),
     (
         "poses.yaml",

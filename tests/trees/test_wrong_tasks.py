@@ -58,10 +58,6 @@ WRONG = [
      "joint_5 out", "      with: {arm: upright, gripper: {joint_4: -0.3}}"),
     ("arm: upright", "arm: open", "7:19 the arm has joint_1, joint_2, joint_3, not "
      "joint_4; saved poses of it are upright, right, folded", f"      {REACH}"),
-    (REACH, "with: {arm: open, gripper: upright}", "7:19 arm and gripper have each other's value: "
-     "exchange the two", f"      {REACH}"),
-    (REACH, "with:\n        arm: open\n        gripper: upright", "8:14 arm and gripper have each "
-     "other's value: exchange the two", "        arm: upright\n        gripper: open"),
     ("subtree: reach", "subtree: trees/reach.yaml", "6:16 subtree: 'trees/reach.yaml' is not a "
      "name (a letter, then letters, digits, _ or -); did you mean reach?", "    - subtree: reach"),
     ("subtree: reach", "subtree: [reach]", "6:16 subtree: write the name without brackets",
@@ -154,7 +150,7 @@ NODES = [
     ("subtree: move_tool\n      with: {point: [10 cm, 10 cm]}", "11:21 point: [10 cm, 10 cm] has 2 "
      "items, not 3 (x, y, z)", ""),
     ("repeat: {subtree: open_gripper}\n      times: twice", "11:14 repeat: times: 'twice' is not a "
-     "whole number; did you mean 2?", "      times: 2"),
+     "whole number; for no limit, leave it out", ""),
     ("subtree: move_relative\n      with: {by: {joint_1: 20}}",
      "11:19 joint_1 by 1145.9 deg is more than its range, 180 deg; 20 without a "
      "unit is 20 rad; did you mean 20 deg?",
@@ -253,7 +249,7 @@ SLIPS_OF_NODES = [
      "sequence of one case, which begins with the condition",
      "    - selector:\n        - sequence:\n            - CheckHardware\n            - {subtree: "
      "open_gripper}\n        - sequence:\n            - inverter: CheckHardware\n            - "
-     "sequence: [Succeed]"),
+     "Succeed"),
     ("if: {left: 1, is: ==, right: 1}\n      then: Succeed", "10:7 there is no if: a selector ",
      '    - selector:\n        - inverter: {Compare: {left: 1, is: "==", right: 1}}\n'
      "        - Succeed"),
@@ -480,7 +476,6 @@ def test_a_type_that_is_no_word_is_reported(robot: Robot, tmp_path: Path, kind: 
     ("parameters", "words"),
     [
         ("[\n]", "parameters: \\[\\] is not a mapping of names to types"),
-        ("\n  - name: speed\n    type: number", "is not a mapping of names to types"),
         ("\n  - {a: number}\n  - {b: number}", "is not a mapping of names to types"),
     ],
 )
@@ -500,19 +495,6 @@ def test_a_loop_over_nodes_keeps_them(robot: Robot, tmp_path: Path) -> None:
     said = "\n".join(map(str, check(robot, tmp_path).mistakes))
     assert "did you mean repeat?" in said
     assert said.count("- Succeed") == 1
-
-
-@pytest.mark.parametrize("base", ["", "||||||| base\n  Fail\n"])
-def test_a_conflict_of_git_is_replaced_by_its_first_part(
-    robot: Robot, tmp_path: Path, base: str
-) -> None:
-    head = "task: 20\nname: m\ndescription: x\ntree:\n"
-    text = f"{head}<<<<<<< HEAD\n  Succeed\n{base}=======\n  Fail\n>>>>>>> other\n"
-    (tmp_path / "20_m.yaml").write_text(text)
-    mistakes = check(robot, tmp_path).mistakes
-    (right,) = (each.instead for each in mistakes if "marks of git" in str(each))
-    assert right
-    assert (right.text, right.line, right.count) == ("  Succeed", 5, text.count("\n") - 4)
 
 
 def test_subtrees_that_use_each_other_are_reported_once(robot: Robot, tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ from .unknown_names import (
     why_unknown,
     without_ports,
 )
-from .values_by_port import as_mapping, as_subtree, by_port, with_more, with_port
+from .values_by_port import as_mapping, as_subtree, by_port, in_braces, with_more, with_port
 
 MAX_NODES = 10_000
 MAX_SUBTREES = 8  # largest nesting depth
@@ -349,7 +349,8 @@ class TreeCompiler:
             return {}
         ports: dict[str, Value] = {}
         named = f"{source.port} of {what}" if spec.source not in self._sources.uncertain else ""
-        ported = by_port(spec.values, source.parameters, (what, "with"), self._wrong)
+        ported = self._joints_by_name(spec, source, what)
+        ported = by_port(ported, source.parameters, (what, "with"), self._wrong)
         values = self._known_ports(ported, source.parameters, named, scope)
         missing = dict[str, str]()
         for name, declared in source.parameters.items():
@@ -375,6 +376,23 @@ class TreeCompiler:
             self._wrong(spec.place, f"{what} {needs}", right)
         return ports
 
+    def _joints_by_name(
+        self, spec: SubtreeNode, source: TaskFile, what: str
+    ) -> Mapping[str, Value]:
+        """Report names of joints and positions at two ports. Return one port with the positions."""
+        taker = [port for port, each in source.parameters.items() if each.type == "positions"]
+        whole = as_mapping(spec.values)
+        made = as_positions(whole, self._context.robot) if len(spec.values) == 2 else whole
+        if len(taker) != 1 or made is whole or not isinstance(made, Located):
+            return spec.values
+        written = f"{taker[0]}: {made.as_yaml()}"
+        first, *_ = spec.values.values()
+        right = in_braces(spec.values, f"{{{written}}}") or replaced_block(first.label, [written])
+        self._wrong(
+            first.label, f"{what} takes positions by joint: write with: {{{written}}}", right
+        )
+        return {taker[0]: made}
+
     def _pose_of(self, group: str) -> str:
         """Return the first pose of the joints of a group; empty if there is none."""
         robot = self._context.robot
@@ -397,8 +415,13 @@ class TreeCompiler:
     def _skill(self, spec: SkillNode, scope: Scope, shown: str) -> Behaviour:
         kind = self._skills.get(spec.skill)
         if kind is None:
-            subtrees, poses = self._library.subtrees(), self._sources.poses
-            name = meant(spec, self._skills, self._library, poses) if spec.skill else ""
+            subtrees, poses, robot = (
+                self._library.subtrees(),
+                self._sources.poses,
+                self._context.robot,
+            )
+            likely = meant(spec, self._skills, self._library, poses, robot)
+            name = likely if spec.skill else ""
             if name in subtrees:
                 return self._node(self._as_subtree(spec, name, shown), scope)
             if name in self._skills:
@@ -458,6 +481,9 @@ class TreeCompiler:
         pose = target_pose(given, self._sources.poses) if name == TO_POSE else None
         if pose and source and not given.keys() & source.parameters.keys():
             given = {"": pose}
+        made = as_positions(pair := as_mapping(given), self._context.robot)
+        if name == TO_POSE and len(given) == 2 and made is not pair and source:
+            given = dict.fromkeys([*source.parameters][:1], made)
         whole = given.get("")
         is_list = isinstance(whole, Located) and isinstance(whole.value, list)
         if whole and (name == TO_POSE or not is_list):  # only there, a list has angles

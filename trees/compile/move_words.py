@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -24,8 +24,11 @@ def is_width(text: str) -> bool:
 def as_positions(value: Value, robot: Robot) -> Value:
     """Return words of `armtree move`, or a list of angles, as the mapping that they mean.
 
-    Other values are unchanged.
+    So are names of joints beside their angles. Other values are unchanged.
     """
+    if isinstance(value, Located) and len(nested(value)) == 2:
+        items = _by_name([*nested(value).values()], robot)
+        return replace(value, value=items) if items else value
     if isinstance(value, Located) and isinstance(value.value, list):
         joints = robot.actuated_in("arm") if "arm" in robot.groups else ()
         if not joints or len(joints) != len(value.value):
@@ -40,6 +43,15 @@ def as_positions(value: Value, robot: Robot) -> Value:
             pairs = dict([_at_width(value.value, robot) or _example(robot)])
     items = {name: replace(value, value=scalar(text)) for name, text in pairs.items()}
     return replace(value, value=items) if items else value
+
+
+def _by_name(pair: Sequence[Located], robot: Robot) -> dict[str, Located]:
+    """Return positions by joint, of one or several names of joints and their positions."""
+    names, positions = (each.value if isinstance(each.value, list) else [each] for each in pair)
+    joints = [joint.name for joint in robot.actuated]
+    if len(names) != len(positions) or any(name.value not in joints for name in names):
+        return {}
+    return {str(name.value): each for name, each in zip(names, positions, strict=True)}
 
 
 def _at_width(width: str | float, robot: Robot) -> tuple[str, str] | None:

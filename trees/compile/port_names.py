@@ -16,16 +16,9 @@ from .values_by_port import as_mapping, in_braces
 # Names of ports in other programs.
 _OTHER_NAMES = {
     "speed": {"max_velocity_scaling_factor", "velocity", "vel", "v"},
-    "text": {"message", "msg", "string", "content"},
-    "joints": {"target", "pose", "position", "positions", "angles"},
-    "point": {"target", "position", "xyz", "coordinates"},
-    "duration": {"time", "delay"},
     "turn": {"rpy"},
-    "question": {"prompt", "message", "text"},
     "choices": {"options", "answers"},
     "position": {"pose", "xyz", "center", "location"},
-    "rotation": {"rpy", "orientation"},
-    "body": {"id", "object"},
     "size": {"dimensions", "scale"},
 }
 _OTHER_MEANING = {"diameter"}  # of the type of a port, a radius, but with another meaning
@@ -58,17 +51,23 @@ def known_ports(
     likely = {port: name for port, name in likely.items() if port not in joints}
     unknown = [port for port in given if port not in {*known, *likely, *_OTHER_MEANING}]
     needed = [port for port, each in known.items() if each.needed and port not in given]
-    missing = [port for port in needed if port not in likely.values()]
+    missing = [p for p in needed if p not in likely.values() and not known[p].output]
     pairs = dict(zip(unknown, missing, strict=True)) if len(unknown) == len(missing) else {}
     alone = len(pairs) == 1
     fitting = alone or all(_may_take(known[port], given[word]) for word, port in pairs.items())
     if fitting and not any(closest(word, known) for word in pairs):
         likely |= pairs
+    left = [word for word in unknown if word not in likely]
+    ports = {port: each for port, each in known.items() if port in missing}
+    fitted = [(w, p) for w in left for p in ports if _may_take(ports[p], given[w])]
+    given_to, taken = [word for word, _ in fitted], [port for _, port in fitted]
+    likely |= {word: p for word, p in fitted if given_to.count(word) == taken.count(p) == 1}
     is_text = alone and known[missing[0]].type == "text"
     for port in given if what else ():
         if port not in known:
             label, name = given[port].label, likely.get(port, "")
             there = there_are(port, known, given)
+            there += "" if name or missing or there.endswith("?") else "; leave it out"
             if port in joints:
                 inner = (each for each, kind in known.items() if kind.type == "positions")
                 there = f"{port} is a joint; write it with its angle within {next(inner, '')}"
@@ -138,9 +137,11 @@ def _outside(
                 text = "\n".join(f"{' ' * (value.label.column - 1)}{row}" for row in rows)
                 lines = key_block(value.label)
                 right = Correction(text, value.label.line, len(lines)) if lines else None
+                left = {each: found[each] for each in found if each != port}
+                right = right or in_braces(given, as_mapping({**left, **within}).as_yaml())
                 why = f"{port} is not a {what}; leave it out, but not what is below it"
                 mistakes.add(value.label, why, right)
-                return {**{each: found[each] for each in found if each != port}, **within}
+                return {**left, **within}
             found[port], found[name] = replace(value, value=rest), within[name]
             why = f"{name} is a {what}; write it beside {port}"
             mistakes.add(within[name].label, why, in_braces(given, as_mapping(found).as_yaml()))

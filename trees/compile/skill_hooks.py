@@ -129,21 +129,16 @@ class SkillHooks:
         kind = type(leaf.skill)
         inputs = {**leaf.known, **leaf.partial} if kind.validates_partial else leaf.known
         _, faults = _result(kind, "validate", lambda: kind.validate(robot, inputs), _ANY)
-        exchanged = _exchanged(leaf, robot, inputs, faults)
         for fault in faults:
             (place, value), instead = _refused(leaf, fault), None
-            if value and exchanged and isinstance(fault, SkillError):
-                one, other = sorted(exchanged)
-                fault.args = (f"{one} and {other} have each other's value: exchange the two",)
-                instead = value.instead(exchanged[str(fault.location[0])].as_yaml())
-            elif value and isinstance(fault, OutOfBounds | BadTarget):
+            if value and isinstance(fault, OutOfBounds | BadTarget):
                 instead = _nearest(leaf, robot, inputs, fault)
             if value and (name := suggested(str(fault))):
                 step = fault.location[-1] if isinstance(fault, SkillError) else ""
                 is_key = place == value.label
                 there = renamed(str(step), name, value)[1] if is_key else None
                 instead = there or place.replaced(str(value.value), name)
-            if value and isinstance(fault, BadTarget) and fault.location and not exchanged:
+            if value and isinstance(fault, BadTarget) and fault.location:
                 instead = self._other_pose(leaf, robot, inputs, fault, value) or instead
                 if len(faults) == 1:
                     instead = _completed(robot, value, str(fault.location[-1])) or instead
@@ -302,20 +297,6 @@ def _refused(leaf: Leaf, error: Fault) -> tuple[Place, Located | None]:
             value = value.value[step]
             place = value.place
     return place, value
-
-
-def _exchanged(
-    leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], faults: Sequence[Fault]
-) -> Mapping[str, Located]:
-    """Return the right values of two ports that have each other's value; empty for other faults."""
-    located = [fault for fault in faults if isinstance(fault, SkillError) and fault.location]
-    ports = [str(fault.location[0]) for fault in located]
-    if len(ports) != len(faults) or len({*ports}) != 2 or not {*ports} <= leaf.written.keys():
-        return {}
-    one, other = dict.fromkeys(ports)
-    if _accepts(leaf, robot, {**inputs, one: inputs[other], other: inputs[one]}, ()):
-        return {one: leaf.written[other], other: leaf.written[one]}
-    return {}
 
 
 def _nearest(

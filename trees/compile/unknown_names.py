@@ -32,6 +32,7 @@ def meant(
     skills: Mapping[str, type[Skill]],
     library: Library,
     poses: Collection[str],
+    robot: Robot,
 ) -> str:
     """Return the likely skill, kind of node or subtree for an unknown name; empty if unclear."""
     value, subtrees = spec.ports.get(""), library.subtrees()
@@ -39,9 +40,13 @@ def meant(
     if spec.skill in poses and not spec.ports and TO_POSE in subtrees and not begun:
         return TO_POSE
     text = value.value if isinstance(value, Located) else None
+    text = text.removesuffix(".yaml") if isinstance(text, str) else text
     if TO_POSE in _begun(_first(spec.skill), subtrees) and target_pose(spec.ports, poses):
         return TO_POSE
     other = _by_other_name(spec, skills, subtrees)
+    whole = as_mapping(spec.ports)
+    if len(spec.ports) == 2 and as_positions(whole, robot) is not whole and TO_POSE in subtrees:
+        return TO_POSE
     if isinstance(text, str) and not other:
         if name := closest(f"{text}_{spec.skill}", subtrees, 0.85):
             return name  # such as `gripper: open`

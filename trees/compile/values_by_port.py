@@ -4,6 +4,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
+from hardware.spelling import corrections
 from trees.declarations import LIST, Declaration
 from trees.errors import Correction, Mistakes, Place
 from trees.reading.document import REFUSED, Located, nested, scalar
@@ -34,8 +35,10 @@ def by_port(
     outputs = declared.keys() - inputs if isinstance(given.get(""), Key) else ()
     ports = [port for port in inputs if declared[port].needed] or inputs or [*outputs]
     whole, named_ports = as_mapping(given), declared.keys() & given.keys()
-    if [*given] == ["x", "y", "z"]:
-        whole = replace(whole, value=[*nested(whole).values()])
+    point = [*given] == ["x", "y", "z"]
+    whole = replace(whole, value=[*nested(whole).values()]) if point else whole
+    if assigned := _assigned(given, declared, named, wrong):
+        return assigned
     if "" not in given and (named_ports or len(ports) != 1 or not fits(whole, declared[ports[0]])):
         return given
     value = given.get("", whole)
@@ -72,23 +75,44 @@ def by_port(
     return {ports[0]: value}
 
 
+def _assigned(
+    given: Mapping[str, Value],
+    declared: Mapping[str, Declaration],
+    named: tuple[str, str],
+    wrong: Callable[..., None],
+) -> Mapping[str, Value]:
+    """Report `name = value`, or `name: value`, for an input and an output. Return both by port."""
+    names = {each.output: port for port, each in declared.items()}
+    whole = given.get("", as_mapping(given))
+    text = whole.value if isinstance(whole, Located) and "" in given else None
+    pairs = dict(as_pairs(text)) if isinstance(text, str) and "=" in text else {}
+    if isinstance(whole, Located) and not text and not corrections(given, declared):
+        pairs = {name: each.as_yaml() for name, each in nested(whole).items()}
+    if not len(declared) == len(names) == 2 or len(pairs) != 1 or pairs.keys() & declared.keys():
+        return {}
+    ((name, written),) = pairs.items()
+    wanted = f"{{{names[False]}: {written}, {names[True]}: ${name}}}"
+    place, old = whole.place, str(text or "")
+    right = place.replaced(old, wanted) if old else in_braces(given, wanted)
+    wrong(place, f"{named[0]} needs the names of its ports: write {named[1]}: {wanted}", right)
+    value = Located(place, scalar(written), whole.label)
+    return {names[False]: value, names[True]: Key(place, name, whole.label)}
+
+
 def _from_pairs(
     value: Value, declared: Mapping[str, Declaration], wrong: Callable[..., None]
 ) -> Mapping[str, Value]:
     """Report a text such as `arm = upright`. Return its values by port; empty for other values."""
     text = value.value if isinstance(value, Located) and isinstance(value.value, str) else ""
-    pairs, sign = dict(as_pairs(text)) if "=" in text else {}, "="
+    pairs = dict(as_pairs(text)) if "=" in text else {}
     lines = block(value.place) if text else []
-    rows = [re.fullmatch(r"([A-Za-z]\w*) +([\w.-].*)", line) for line in lines[1:] and lines]
-    if rows and all(rows):
-        pairs, sign = {row[1]: row[2] for row in rows if row}, ""
     if not pairs or not pairs.keys() <= declared.keys() or isinstance(value, Key):
         return {}
     place, written = value.place, ", ".join(f"{port}: {each}" for port, each in pairs.items())
     right = value.instead(f"{{{written}}}")
     if lines[1:]:  # one line for each
         right = replaced_block(place, [f"{port}: {each}" for port, each in pairs.items()])
-    why = f"a colon separates `{next(iter(pairs))}` from its value{', not `=`' if sign else ''}"
+    why = f"a colon separates `{next(iter(pairs))}` from its value, not `=`"
     wrong(place, why, right)
     return {port: replace(value, value=scalar(each)) for port, each in pairs.items()}
 

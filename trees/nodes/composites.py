@@ -131,10 +131,11 @@ class SelectorKind(_SequentialKind):
     keywords = {
         "else": _TWO_CASES,
         "if": _ONE_CASE,
-        "then": _ONE_CASE,
         "on_failure": _ON_FAILURE,
         **dict.fromkeys(("switch", "cases", "case", "match", "elif"), _SWITCH),
-    } | dict.fromkeys(("try", "except", "catch"), _TRY)
+        **dict.fromkeys(("try", "except", "catch"), _TRY),
+        "then": "there is no then without if: the nodes of a sequence run one after the other",
+    }
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report children that are never reached."""

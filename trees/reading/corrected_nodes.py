@@ -34,12 +34,17 @@ def node_instead(value: Located, in_turn: str) -> Correction | None:
         keys = {"if": keys["if"], "then": Located(value.place, beside, value.place)}
     if {"if", "then"} <= keys.keys() <= {"if", "then", "else"}:
         return replaced_block(value.place, _as_selector(keys))
-    other = next((key for key in ("on_failure", "except", "catch") if key in keys), "")
+    other = next((key for key in ("on_failure", "except", "catch", "then") if key in keys), "")
     first = {key: each for key, each in keys.items() if key not in (other, "name")}
-    if other and len(first) == 1 and (begins_node(next(iter(first))) or "try" in first):
+    if (
+        other
+        and "if" not in first
+        and sum(map(begins_node, {*first} - {"try"})) == 1 - ("try" in first)
+    ):
         own = first.get("try", Located(value.place, first, value.place))
-        nodes = [_as_node(own), _as_node(keys[other])]
-        return replaced_block(value.place, ["selector:", *(f"  - {node}" for node in nodes)])
+        nodes, head = [_as_node(own), _as_node(keys[other])], "selector"
+        head = in_turn if other == "then" else head
+        return replaced_block(value.place, [f"{head}:", *(f"  - {node}" for node in nodes)])
     return None
 
 
@@ -90,14 +95,15 @@ def comparison(value: Located) -> str:
 
 def _as_node(value: Located) -> str:
     """Return a node or a list of nodes as one node in braces."""
-    return ("sequence: " if isinstance(value.value, list) else "") + value.as_yaml()
+    items = value.value if isinstance(value.value, list) else [value]
+    return items[0].as_yaml() if len(items) == 1 else f"{{sequence: {value.as_yaml()}}}"
 
 
 def _as_selector(keys: Mapping[str, Located]) -> list[str]:
     """Return the lines of a selector that is equivalent to if, then and else."""
     from py_trees.ports import get_ports_registry  # slow to load
 
-    condition, ports = keys["if"].as_yaml(), nested(keys["if"]).keys()
+    condition, ports = _as_node(keys["if"]), nested(keys["if"]).keys()
     condition = comparison(keys["if"]) or condition
     for name, kind in get_ports_registry().items() if ports else ():
         if getattr(kind, "condition", False) and kind.input_ports().keys() == ports:

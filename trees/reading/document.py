@@ -231,26 +231,9 @@ _FORBIDDEN = re.compile(
 )
 
 
-def _conflicts(lines: Sequence[str]) -> Iterator[tuple[int, int, int]]:
-    """Yield the numbers of three marks of each conflict of git: first, after one version, last."""
-    first = middle = 0
-    for number, line in enumerate(lines, 1):
-        if line.startswith("<" * 7):
-            first, middle = number, 0
-        elif first and not middle and line.startswith(("|" * 7, "=" * 7)):
-            middle = number
-        elif middle and line.startswith(">" * 7):
-            yield first, middle, number
-            first = middle = 0
-
-
 def _forbidden(path: Path, text: str) -> Iterator[Mistake]:
-    """Return a mistake for each conflict of git, and for each line with a forbidden character."""
+    """Return a mistake for each line with a forbidden character."""
     lines = split_lines(text)
-    for first, middle, last in _conflicts(lines):
-        why = "two versions are here, between the marks of git; keep one, without the marks"
-        kept = Correction("\n".join(lines[first : middle - 1]), first, last - first + 1)
-        yield Mistake(Place(path, first, 1, "", lines), why, kept)
     for number, line in enumerate(lines, 1):
         if found := _FORBIDDEN.search(line):
             place = Place(path, number, found.start() + 1, "", lines)

@@ -24,7 +24,6 @@ _DO, _CHILD = "do", "child"
 _COUNT = re.compile("num_.*|max_.*|count")  # names of the number of rounds
 _AMOUNT = re.compile(r"[0-9.]+ ?([a-z]+)?")
 _RANGE = re.compile(r"(?:\w+ in )?(?:range\(|1\.\.+)([0-9]+)\)?")
-_COUNTED = re.compile(r"(\w+) ([0-9]+)(?: ?(?:times|x|rounds))?")
 _EACH = re.compile(r"(\w+) in \[(.*)\]")
 _ITEM = "item"  # name of the value of a round, if the loop gives none
 EXAMPLES = {"integer": "3", "duration": "1 s"}  # example values of an option, by type
@@ -71,14 +70,7 @@ def read_loop(place: Place, given: Mapping[str, Located]) -> ForeignLoop | None:
 
 
 def _with_do(given: Mapping[str, Located]) -> Mapping[str, Located]:
-    """Return values with `do` in place of another key for the child, such as `steps`.
-
-    The number in a key such as `repeat 3 times` is the value of its first word.
-    """
-    counted = _COUNTED.fullmatch(next(iter(given), ""))
-    if counted and len(given) == 1:
-        (child,) = given.values()
-        return {counted[1]: Located(child.label, int(counted[2]), child.label), _DO: child}
+    """Return values with `do` in place of another key for the child, such as `steps`."""
     words = [key for key in given if key in (_CHILD, *kinds()[in_turn()].synonyms)]
     if len(words) != 1 or _DO in given:
         return given

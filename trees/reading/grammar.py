@@ -16,10 +16,10 @@ from trees.declarations import LIST, TYPES, UNITS, Declaration
 from trees.errors import Correction, FileError, Mistake, Mistakes
 
 from .document import Located, NotYaml, draft_document, names_within, nested
-from .lines import as_mapping
+from .lines import as_mapping, replaced_block
 from .literals import fit, measured
 from .node_parser import NodeParser, respell
-from .node_words import FILES, begins_node, synonyms
+from .node_words import FILES, begins_node, holds_nodes, synonyms
 from .repairs import repairing
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
 
@@ -32,29 +32,18 @@ _TASK_KEYS = (
 )
 _SUBTREE_KEYS = ("subtree", "description", "ports", "replaces", "grammar", "tree")
 _POSES_KEYS = ("poses", "replaces", "grammar")
-_PARAMETERS = {"inputs", "params", "args", "arguments", "vars", "variables"}  # of other programs
 _OPTIONAL = ("parameters", "ports", "replaces", "retry", "grammar")
 _DECLARED_KEYS = ("type", "default", "min", "max", "choices", "description")
 _OTHER_KEYS = {"value": "default", "enum": "choices", "options": "choices"}  # of other programs
 # Types by the names that programming languages and people use.
 _OTHER_TYPES = {
+    **dict.fromkeys(("float", "double", "real"), "number"),
     **dict.fromkeys(("degree", "degrees", "radian", "radians"), "angle"),
     **dict.fromkeys(("second", "seconds", "time"), "duration"),
-    **dict.fromkeys(("float", "double", "real"), "number"),
     "int": "integer",
     "bool": "boolean",
     "str": "text",
     "string": "text",
-}
-
-# Files of other programs, by a key that they have.
-_OTHER_FILES = {
-    "jobs": "a GitHub workflow",
-    "hosts": "a playbook of Ansible",
-    "joint_names": "a trajectory of ROS",
-    "services": "a file of Docker Compose",
-    "launch": "a launch file of ROS",
-    "ros__parameters": "a file of parameters of ROS",
 }
 
 
@@ -180,6 +169,7 @@ def draft_poses(path: Path, text: str) -> tuple[PosesFile, list[Mistake]]:
     """
     parser = _Parser(path, text, _POSES_KEYS)
     given = parser.get("poses")
+    given = given and (parser.by_name(given, "poses") or given)
     labels = nested(given) if given else {}
     wanted, wrong = Declaration("positions"), parser.mistakes.add
     if given and not isinstance(given.value, dict):
@@ -236,19 +226,26 @@ class _Parser:
                 why, row = f"a colon is missing after `{text.split()[0]}`", text.count("\n") + 1
                 self.mistakes.add_last(self.root.place, why, Correction(right, 1, row))
             begun = str(self.root.value)
-            other = "XML" if begun.startswith("<") else _other_file(self.root)
+            other = "XML" if begun.startswith("<") else ""
             other = "Python" if re.match(r"(import|from) \w", begun) else other
             hint = f"; this is {other}{hint}" if other else hint
             self._wrong(self.root.place, f"expected the keys {needed}{hint}")
-        elif (other := _other_file(self.root)) and "tree" not in self._values:
-            why = f"this is {other}, not a task; `armtree new` writes a task that runs"
-            self._wrong(self.root.place, why)
+        elif "tree" in keys and self._is_strange():
+            why = f"this is not a task: it has neither {keys[0]} nor tree"
+            self._wrong(self.root.place, f"{why}; `armtree new` writes a task that runs")
             self._values = {}
         self._values = self._corrections(self._with_tree(self._values, keys), keys)
         version = self.get("grammar", needed=False)
         if version and (type(version.value) is not int or version.value != VERSION):
             here = f"this armtree reads grammar {VERSION}"
             self._wrong(version.place, f"grammar: {version} is not supported; {here}")
+
+    def _is_strange(self) -> bool:
+        """Return True if no key belongs to a task or subtree, or to a node."""
+        known = {*self._values, *corrections(self._values, self._keys).values()}
+        if known & {self._keys[0], "tree", "with"}:
+            return False
+        return not any(begins_node(key) or holds_nodes(key) for key in self._values)
 
     def head(self) -> TaskFile:
         """Return the task or subtree without its tree."""
@@ -354,8 +351,11 @@ class _Parser:
                 self._wrong(values[key].label, why, values[key].label.replaced(key, other))
                 values = respell(values, {key: other})
         likely = corrections(values, known)
-        for key in values.keys() & _PARAMETERS if "parameters" in known else ():
-            likely |= {} if "parameters" in (*values, *likely.values()) else {key: "parameters"}
+        tree = values.get("tree") if "parameters" in known else None
+        names = {*names_within(tree)} if tree else set()
+        used = [key for key in values if key not in known and nested(values[key]).keys() & names]
+        if len(used) == 1 and "parameters" not in values:
+            likely |= {used[0]: "parameters"}
         for key, other in _OTHER_KEYS.items():
             if key in values and other in {*known} - {*values, *likely.values()}:
                 likely[key] = other
@@ -388,6 +388,8 @@ class _Parser:
             return {}
         if isinstance(value.value, list) and key == "ports":
             return {name: Declaration(UNTYPED) for name in self._names(value, key)}
+        if mapping := self.by_name(value, key):
+            value = mapping
         if pieces := _pieces(value):
             why = f"{key}: {value} is not a mapping, but a list: leave out each `-`"
             self._wrong(value.place, why, as_mapping(value))
@@ -403,6 +405,23 @@ class _Parser:
             self.nodes.name(Located(item.label, name, item.label), key)
             declared[name.lstrip("$")] = self._declaration(item, f"{key}: {name}", known)
         return declared
+
+    def by_name(self, value: Located, key: str) -> Located | None:
+        """Report a list of mappings that have names. Return the mapping by name, or None."""
+        items = value.value if isinstance(value.value, list) else []
+        names = [str(nested(item)["name"].value) for item in items if "name" in nested(item)]
+        if not names or len({*names}) != len(items):
+            return None
+        rests = [{k: v for k, v in nested(item).items() if k != "name"} for item in items]
+        found = dict[str, Located]()
+        for name, item, rest in zip(names, items, rests, strict=True):
+            one = next(iter(rest.values())) if len(rest) == 1 and key == "poses" else None
+            found[name] = one or Located(item.place, rest, item.label)
+        indent = "  " * (value.place.column == value.label.column)
+        rows = [f"{indent}{name}: {each.as_yaml()}" for name, each in found.items()]
+        why = f"{key}: a list is not a mapping of names; write each name as a key"
+        self._wrong(value.place, why, replaced_block(value.place, rows))
+        return replace(value, value=found)
 
     def used(self, key: str, tree: TreeNode) -> None:
         """Report declared names that the tree does not use."""
@@ -528,13 +547,6 @@ class _Parser:
             return value is not None and value.value is True
         self._wrong(value.place, f"{value} is not true or false")
         return None
-
-
-def _other_file(root: Located) -> str:
-    """Return what a file with this value is; "" for a task file."""
-    items = root.value if isinstance(root.value, list) else nested(root).values()
-    keys = {*nested(root), *(key for item in items for key in nested(item))}
-    return next((what for key, what in _OTHER_FILES.items() if key in keys), "")
 
 
 def _types() -> str:

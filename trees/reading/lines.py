@@ -128,15 +128,16 @@ def as_mapping(value: Located) -> Correction | None:
     return Correction("\n".join(lines[begin:end]), begin + 1, end - begin)
 
 
-def as_one_text(value: Located) -> Correction | None:
-    """Return the lines of a key with a list of texts as one text; None for other values."""
-    items, label = value.value if isinstance(value.value, list) else [], value.label
-    text, lines = " ".join(str(item.value) for item in items), key_block(label)
-    if not text or not lines:
+def retyped(place: Place, name: str, old: str, new: str) -> Correction | None:
+    """Return the line above the tree that declares a name, with another type."""
+    text = "\n".join(place.lines)
+    found = re.search(rf"^ +{name}:(?: |[^\n]*\n)[^}}\n]*?(?=\b{old}\b)", text, re.MULTILINE)
+    if found is None:
         return None
-    begin = f"{' ' * (label.column - 1)}{lines[0].partition(':')[0]}"
-    line = f"{begin}: {replace(value, value=text).as_yaml()}"
-    return Correction(line, label.line, len(lines))
+    row = text.count("\n", 0, found.end())
+    column = found.end() - text.rfind("\n", 0, found.end()) - 1
+    line = place.lines[row]
+    return Correction(f"{line[:column]}{new}{line[column + len(old) :]}", row + 1)
 
 
 def declared_above(place: Place, head: str, line: str) -> Correction | None:

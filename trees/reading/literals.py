@@ -9,16 +9,13 @@ from typing import Any, TypeGuard
 from hardware import DISPLAY_UNITS
 from hardware.printable import plural
 from hardware.spelling import choices, closest, did_you_mean, there_are
-from trees.declarations import ANY, LIST, UNITS, Declaration, type_fits, words
+from trees.declarations import ANY, LIST, TYPES, UNITS, Declaration, type_fits, words
 from trees.errors import Correction, Mistake, Place
 
 from .document import NO_CALCULATION, REFUSED, Located, StandIn, calculates, nested, reference
-from .lines import as_mapping, block, replaced_block
+from .lines import as_mapping, block, replaced_block, retyped
 
 _NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"
-_FACTOR = r"(?:[0-9]+\.?[0-9]*|(?:math\.|np\.|M_)?(?:pi|PI)|\u03c0)"
-_PRODUCT = re.compile(rf"([-+]?)({_FACTOR})((?: ?[*/] ?{_FACTOR})+)( ?[a-z]+)?")
-_CONVERTED = re.compile(rf"(?:\w+\.)?\w*(?:deg|radians)\w*\({_NUMBER}\)")  # degrees in rad
 _QUANTITY = re.compile(rf"{_NUMBER} ?([A-Za-z\xb0]\S*)")
 _PYTHON: Mapping[str, tuple[type, ...]] = {
     "integer": (int,),
@@ -32,31 +29,14 @@ _SWITCHES = {"yes": "true", "on": "true", "no": "false", "off": "false", "1": "t
 _CHOICES = {
     **dict.fromkeys(("equals", "equal", "is"), "=="),
     **dict.fromkeys(("greater", "more"), ">"),
-    **dict.fromkeys(("one", "first", "1", "true"), "any"),
-    **dict.fromkeys(("every", "both"), "all"),
-    "not": "!=",
     "less": "<",
 }
-_DIRECTIONS = {"up": "[0, 0, 1]", "down": "[0, 0, -1]"}
 _SIGNS = str.maketrans({",": ".", "\u2212": "-", "\u2013": "-"})
 _FOREIGN_UNITS = {  # factor and unit of task files
     **dict.fromkeys(("in", "inch", "inches"), (25.4, "mm")),
     **dict.fromkeys(("ft", "foot", "feet"), (304.8, "mm")),
     **dict.fromkeys(("turn", "turns", "rev"), (360.0, "deg")),
-    "dm": (100.0, "mm"),
-    "um": (0.001, "mm"),
     "m": (1.0, "min"),
-    "mrad": (0.001, "rad"),
-    "us": (0.001, "ms"),
-}
-_ENDLESS = ("infinite", "infinity", "inf", "forever", "endless", "unlimited", "always")
-_COUNTS = {
-    **dict.fromkeys(("once", "one"), "1"),
-    **dict.fromkeys(("twice", "two"), "2"),
-    **dict.fromkeys(("thrice", "three"), "3"),
-    "four": "4",
-    "five": "5",
-    "ten": "10",
 }
 _UNIT_NAMES = {"grad": "deg", "\xb0": "deg", "milli": "m", "centi": "c", "zenti": "c"}
 
@@ -267,8 +247,6 @@ def _items(
         if not numbers and fit(value, one, poses, lambda *_: None) is not None:
             texts = re.split(r" *[,/|] *", str(value.value)) if one.type == "text" else []
             near = f"[{', '.join(texts) or value.as_yaml()}]"
-        if wanted.type == f"{LIST}number":
-            near = near or _DIRECTIONS.get(re.sub("wards?$", "", str(value.value)), "")
         form = f"; write {near or (example if numbers else '[a, b]')}"
         wrong(value.place, f"{value} is not {words(wanted.type)}{form}", value.instead(near))
         return None
@@ -329,15 +307,12 @@ def _plain(value: Located, wanted: Declaration, wrong: Wrong) -> Any:
     if isinstance(plain, str) and kind in ("boolean", "integer"):  # a text in quotes
         near = near or (plain if re.fullmatch(r"true|false|[0-9]+", plain) else "")
         hint = " in quotes" if near == plain else hint
-    if wanted.optional and str(plain).lower() in _ENDLESS:
-        hint = "; for no limit, leave it out"
+    if wanted.optional and kind == "integer":
+        hint = hint or "; for no limit, leave it out"
     if kind == "text" and isinstance(plain, int | float):
         near = f'"{value.as_yaml()}"'
         if wanted.choices:
-            near = _CHOICES.get(value.as_yaml(), "")
-            near = near if near in wanted.choices else ""
-            why = f"{value} is not one of {', '.join(wanted.choices)}{did_you_mean(near)}"
-            wrong(value.place, why, value.instead(near))
+            wrong(value.place, f"{value} is not one of {', '.join(wanted.choices)}")
             return None
     _not(value, kind, near, wrong, hint)
     return None
@@ -350,7 +325,7 @@ def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> 
         hint = f"; {NO_CALCULATION}"
     if kind in ("integer", "number"):
         count = re.sub(r" ?(times|x)$|^range\(|\)$", "", str(value.value).lower())
-        near = near or _COUNTS.get(count, count if count.isdecimal() else "")
+        near = near or (count if count.isdecimal() else "")
     hint = (hint if hint == " in quotes" else "") + did_you_mean(near) or hint
     items = value.value if isinstance(value.value, list) else [*nested(value).values()]
     if len(items) == 1 and (measured(items[0]) == kind or type(items[0].value) in (int, float)):
@@ -362,7 +337,11 @@ def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> 
 def _known_type(value: Located, stand_in: StandIn, kind: str, wrong: Wrong) -> StandIn | None:
     if type_fits(stand_in.type, kind):
         return stand_in
-    wrong(value.place, f"{stand_in} is {words(stand_in.type)}, not {words(kind)}")
+    why, right = f"{stand_in} is {words(stand_in.type)}, not {words(kind)}", None
+    if stand_in.type in TYPES:
+        right = retyped(value.place, stand_in.name, stand_in.type, kind)
+        why += f"; declare it with the type {kind}" if right else ""
+    wrong(value.place, why, right)
     return None
 
 
@@ -382,11 +361,9 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
             return None
         number = float(found[1]) * UNITS[kind][found[2]]
     else:
-        near = _computed(str(plain)) or _total(str(plain), kind) or str(plain).translate(_SIGNS)
+        near = _total(str(plain), kind) or str(plain).translate(_SIGNS)
         near = re.sub(rf"^{_NUMBER} ?\.\.+ ?{_NUMBER}", r"\1", near)  # a range has no value
         near = re.sub(rf"^([a-z]+) ?{_NUMBER}$", r"\2 \1", near)  # a unit before its number
-        count, _, rest = near.partition(" ")
-        near = f"{_COUNTS.get(count.lower(), count)} {rest}".rstrip()
         if (found := _QUANTITY.fullmatch(near)) and found[2] not in UNITS.get(kind, ()):
             near = _converted(found[1], found[2], kind) if kind in UNITS else near
         if kind == "number" and (percent := re.fullmatch(rf"{_NUMBER} ?%", near)):
@@ -400,27 +377,12 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
     return number
 
 
-def _computed(text: str) -> str:
-    """Return the value of a calculation without names, such as `3*pi/4`; "" for other texts."""
-    if found := _CONVERTED.fullmatch(text):  # such as `math.radians(20)`
-        return f"{found[1]} deg"
-    if not (found := _PRODUCT.fullmatch(text)):
-        return ""
-    total = _factor(found[2])
-    for sign, text in re.findall(rf"([*/]) ?({_FACTOR})", found[3]):
-        if sign == "/" and not _factor(text):
-            return ""
-        total = total * _factor(text) if sign == "*" else total / _factor(text)
-    return f"{found[1]}{total:.6g}{found[4] or ''}"
-
-
-def _factor(text: str) -> float:
-    return math.pi if re.search(r"pi|PI|\u03c0", text) else float(text)
-
-
 def _total(text: str, kind: str) -> str:
     """Return the total of several quantities, such as `1 min 30 s`; "" for other texts."""
     units, unit = UNITS.get(kind, {}), next(iter(UNITS.get(kind, {})), "")
+    if kind == "duration" and (clock := re.fullmatch(r"(?:(\d+):)?(\d+):(\d\d)", text)):
+        hours, minutes, seconds = (int(part or 0) for part in clock.groups())
+        return f"{3600 * hours + 60 * minutes + seconds} s"
     found = re.findall(rf"{_NUMBER} ?([a-z]+)(?:[, +]*$|[, +]+(?:and +)?)", text)
     whole = re.fullmatch(rf"(?:{_NUMBER} ?[a-z]+[, +]*(?:and +)?)+", text)
     if not whole or len(found) < 2 or any(each not in units for _, each in found):

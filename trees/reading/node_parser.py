@@ -19,7 +19,7 @@ from .document import (
     reference,
 )
 from .foreign_loops import EXAMPLES, is_amount, read_loop
-from .lines import added_below, as_mapping, as_one_text, block, key_block, replaced_block, rewritten
+from .lines import added_below, as_mapping, block, key_block, replaced_block, rewritten
 from .literals import measured, renamed
 from .node_words import (
     FILES,
@@ -41,8 +41,6 @@ _NODE = "a node"  # its name cannot be a name of a user's own
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WORDS = re.compile(r"[A-Za-z]+( [A-Za-z]+)+")
 # Words of other programs for the key `with`.
-_INCLUDE = {"include", "import", "include_tasks", "import_tasks", "file", "call", "run", "uses"}
-_TAGS = {"Action", "Condition", "SubTree", "Decorator", "Control"}
 _WITH = ("args", "arguments", "params", "parameters", "ports", "inputs", "input", "values")
 
 
@@ -101,6 +99,11 @@ class NodeParser:
             return self._headed(value.place, begun[0], keys)
         if not begun and len(rest) == 1 and rest[0] not in beside_keys():
             return self._skill(value.place, rest[0], keys)
+        skilled = [key for key in rest if begins_node(key)]
+        if len(skilled) == 1 and skilled[0][:1].isupper() and not any(map(holds_nodes, rest)):
+            beside = {key: keys[key] for key in keys if key != skilled[0]}
+            beside = self.known_keys(beside, ("name",), {}, f"beside {skilled[0]} ")
+            return self._skill(value.place, skilled[0], {skilled[0]: keys[skilled[0]], **beside})
         likely = {} if begun else likely_heads(rest)
         if len(likely) == 1:
             ((word, head),) = likely.items()
@@ -125,45 +128,29 @@ class NodeParser:
         return respell(keys, likely)
 
     def _in_other_words(self, value: Located, keys: Mapping[str, Located]) -> Mapping[str, Located]:
-        """Report keys of other programs that say what a node is. Return the correct values."""
+        """Report keys that only say what a node is. Return the correct values."""
         place, given = value.place, {key: each for key, each in keys.items() if key != "name"}
-        tagged = [nested(each) for tag, each in given.items() if tag in _TAGS and len(given) == 1]
-        inner = {**(tagged[0] if tagged else given)}
-        key = next((key for key in inner if key in ("ID", "type", "skill")), "")
-        if key and self.is_name(name := inner[key].value) and name[:1].isupper():
-            named = inner.pop(key)
-            ports = replace(named, value=inner or None)
-            node = f"{name}: {ports.as_yaml()}" if inner else name
-            why = f"a node begins with its own name: write {node}"
-            self._wrong(named.label, why, replaced_block(place, [node]))
-            return {name: ports}
-        if given.keys() == {"type", "children"} and (kind := str(given["type"].value)) in kinds():
-            below = key_block(given["children"].label)[1:]
+        lists = [each for each in given.values() if isinstance(each.value, list)]
+        named = [f"{each.value}" for each in given.values() if f"{each.value}" in kinds()]
+        if len(given) == 2 and len(lists) == len(named) == 1 and not given.keys() & {*heads()}:
+            below, (kind,) = key_block(lists[0].label)[1:], named
             right = replaced_block(place, [f"{kind}:", *below]) if below else None
             self._wrong(place, f"the kind of a node is the key above its nodes: {kind}:", right)
-            return {kind: given["children"]}
-        if "register" in given:
-            label, name = given["register"].label, given["register"].as_yaml()
-            why = "a skill writes its result to the key at a port, such as answer: "
-            self._wrong(label, f"there is no register: {why}${name}; `armtree skills` lists them")
-            return {key: each for key, each in keys.items() if key != "register"}
-        file = next((f"{each.value}" for each in given.values()), "")
-        if len(given) == 1 and given.keys() <= _INCLUDE and file.endswith(".yaml"):
-            ((word, each),) = given.items()  # such as `include: open_gripper.yaml`
-            near = "task" if file[:1].isdecimal() else "subtree"
-            why = f"no key {word}{did_you_mean(near)}"
-            self._wrong(each.label, why, each.label.replaced(word, near))
-            return {near: each}
-        heads_beside = [key for key in given if key != "with"]
-        if len(heads_beside) != 1 or "with" not in given or not nested(given["with"]):
+            return {kind: lists[0]}
+        own = {*heads(), *beside_keys(), *keywords(), *synonyms()} - {"with"}
+        rest = {key: each for key, each in given.items() if key not in own}
+        lower = {key: each for key, each in rest.items() if not key[:1].isupper()}
+        values = next((key for key, each in lower.items() if _are_values(each)), "")
+        if len(rest) != 2 or len(given) != 2 or not values:
             return keys
-        (head,) = heads_beside
-        if not head[:1].isupper() and head not in heads() and self.is_name(given[head].value):
-            label = given[head].label
-            why = f"no key {head} beside with{did_you_mean('subtree')}"
-            self._wrong(label, why, label.replaced(head, "subtree"))
-            return respell(keys, {head: "subtree"})
-        if head[:1].isupper() and given[head].value is None:
+        (head,) = rest.keys() - {values}
+        if not head[:1].isupper() and self.is_name(given[head].value):
+            for key, near, other in (head, "subtree", values), (values, "with", head):
+                if key != near:
+                    label, why = given[key].label, f"no key {key} beside {other}"
+                    self._wrong(label, why + did_you_mean(near), label.replaced(key, near))
+            return respell(keys, {head: "subtree", values: "with"})
+        if head[:1].isupper() and given[head].value is None and values == "with":
             node = f"{head}: {given['with'].as_yaml()}"
             why = f"the ports of a skill follow its name: write {node}"
             self._wrong(given["with"].label, why, replaced_block(place, [node]))
@@ -259,8 +246,7 @@ class NodeParser:
             return " ".join(value.value.split())
         why = "write a text here" if value.value is None else f"{value} is not a text"
         near = f"{what}: What it does." if value.value is None else ""
-        right = value.label.replaced(f"{what}:", near) or as_one_text(value)
-        self._wrong(value.place, f"{what}: {why}", right)
+        self._wrong(value.place, f"{what}: {why}", value.label.replaced(f"{what}:", near))
         return ""
 
     def wired(self, value: Located) -> Value:
@@ -366,14 +352,17 @@ class NodeParser:
         given = "" if inner.value is None or inner.value == [] else f", not {inner}"
         why = f"{kind} needs a list of nodes{given}: begin each with a `-`, below {kind}:"
         parts, right = apart(nested(inner)), None
+        unknown = not any(begins_node(key) for part in parts for key in part)
         nodes = [*map(_named_node, parts)]
         if len(parts) == 1 and parts[0].keys() - beside_keys():
             nodes = [nodes[0] or parts[0]]  # its name is misspelt
+        elif parts and unknown and not any(nodes):
+            nodes = [*parts]  # names of subtrees, or misspelt
         if len(parts) == 1 and all(nodes) and inner.place.brackets:
             right = inner.instead(f"[{inner.place.brackets}]")
         elif parts and all(nodes) and inner.place.brackets:
             right = inner.instead(f"[{', '.join(map(as_node, nodes))}]")
-        elif all(nodes) and nodes != parts:  # else, the lines lack a `-`
+        elif nodes and all(nodes) and (unknown or nodes != parts):  # else, the lines lack a `-`
             right = replaced_block(inner.place, [f"- {_as_item(node)}" for node in nodes])
         self._wrong(inner.place, why, right)
         if not nodes or not all(nodes):
@@ -404,7 +393,14 @@ class NodeParser:
             self._wrong(keys[head].label, why, keys[head].label.replaced(head, "task"))
             keys, head = respell(keys, {head: "task"}), "task"
         if isinstance(items := keys[head].value, list) and items:
-            return self._several(place, head, keys, items)
+            why = f"a node runs one {head}; write one for each, below {in_turn()}:"
+            nodes = [as_node({**keys, head: item}) for item in items]
+            right = rewritten(place, {in_turn(): nodes})
+            if not items[1:]:
+                why = f"{head}: write the name without brackets"
+                right = keys[head].instead(items[0].as_yaml())
+            self._wrong(keys[head].place, why, right)
+            keys = {**keys, head: items[0]}
         keys = self._named(place, head, keys)
         keys = self._beside(head, self._with(head, keys), FILES[head])
         source: str | int
@@ -431,23 +427,12 @@ class NodeParser:
         self._wrong(keys[head].place, f"write the name after {head}:, without {names[0]}", right)
         return made
 
-    def _several(
-        self, place: Place, head: str, keys: Mapping[str, Located], items: Sequence[Located]
-    ) -> TreeNode:
-        """Report several files in one node. Return a node with one node for each."""
-        nodes, files = [{**keys, head: item} for item in items], keys[head]
-        if len(nodes) == 1:
-            right = files.instead(items[0].as_yaml())
-            self._wrong(files.place, f"{head}: write the name without brackets", right)
-            return self._file(place, head, nodes[0])
-        why = f"a node runs one {head}; write one for each, below {in_turn()}:"
-        self._wrong(files.place, why, rewritten(place, {in_turn(): [*map(as_node, nodes)]}))
-        return ControlNode(place, in_turn(), tuple(self._file(place, head, n) for n in nodes))
-
     def _with(self, head: str, keys: Mapping[str, Located]) -> Mapping[str, Located]:
         """Report ports beside a subtree or task. Return the values with the ports below `with`."""
         known = (head, *FILES[head])
         ports = {key: value for key, value in keys.items() if key not in known}
+        titles = [key for key, each in ports.items() if _is_title(each)]
+        ports = {key: each for key, each in ports.items() if key not in titles}
         given = [keys["with"]] if "with" in keys else []
         words = [key for key in ports if key in _WITH and nested(ports[key])]
         if len(ports) == 1 and words and not given:
@@ -488,6 +473,9 @@ class NodeParser:
         beside = {key: each for key, each in keys.items() if key != head}
         likely = corrections(beside, known)
         likely |= _other_option(head, respell(keys, likely))
+        titles = [key for key, each in beside.items() if _is_title(each)]
+        if len(titles) == 1 and not {"name", *titles} & {*known}.intersection(beside):
+            likely |= {titles[0]: "name"}
         others = {} if head in FILES else kinds()[head].other_options
         likely |= {key: near for key, near in others.items() if key in beside and near not in keys}
         return {head: keys[head], **self.known_keys(beside, known, likely, f"beside {head} ")}
@@ -505,7 +493,7 @@ class NodeParser:
             near = likely.get(key, "")
             if near:
                 there = there.partition(";")[0] + did_you_mean(near)
-            elif not where:
+            else:
                 there += "; it belongs in poses.yaml" if key == "poses" else "; leave it out"
             why = f"unknown key {key}; {where}{there}"
             self.spare |= {*names_within(keys[key])}
@@ -531,9 +519,24 @@ class NodeParser:
             self._wrong(value.place, why, as_mapping(value))
             given = {port: each for item in items for port, each in nested(item).items()}
             value = replace(value, value=given)
+        if isinstance(value.value, str) and "\n" in value.value and value.label != value.place:
+            sign = value.place.lines[value.place.line - 1][value.place.column - 1 :]
+            why = f"leave out the {sign}: the ports of a node are a mapping, not a text"
+            self._wrong(value.place, why, value.label.replaced(f"with: {sign}", "with:"))
+            return {"": replace(value, value=REFUSED)}
         if not isinstance(value.value, dict):
             return {"": self.wired(value)}
         return {port: self.wired(item) for port, item in value.value.items()}
+
+
+def _are_values(value: Located) -> bool:
+    """Return True if a value is a mapping without nodes."""
+    return bool(nested(value)) and not any(map(begins_node, nested(value)))
+
+
+def _is_title(value: Located) -> bool:
+    """Return True if a value is a text of several words."""
+    return isinstance(value.value, str) and " " in value.value and not is_amount(value)
 
 
 def _other_option(kind: str, keys: Mapping[str, Located]) -> dict[str, str]:
@@ -561,7 +564,10 @@ def as_node(keys: Mapping[str, Located]) -> str:
 
 def _as_item(node: Mapping[str, Located]) -> str:
     """Return a node as an item of a list, in braces if it has several keys."""
-    return as_node(node)[1:-1] if len(node) == 1 else as_node(node)
+    ((key, value), *more) = node.items()
+    if not more:
+        return key if value.value is None else f"{key}: {value.as_yaml()}"
+    return as_node(node)
 
 
 def _named_node(keys: dict[str, Located]) -> dict[str, Located]:

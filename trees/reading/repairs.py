@@ -77,22 +77,10 @@ def repairing(draft: Draft[Drafted]) -> Draft[Drafted]:
             if broken or not still or (before >= still and not quoted):
                 return repaired, [*_mistakes(path, text, found.edits), *left]
         if broken:
-            raise _without_tree(broken) or broken
+            raise broken
         return drafted, mistakes
 
     return read
-
-
-def _without_tree(broken: NotYaml) -> FileError | None:
-    """Return the mistake of a list of nodes in the first column; None for other mistakes."""
-    lines, begin = broken.place.lines, broken.place.line - 1
-    listed = broken.place.column == 1 and lines[begin : begin + 1] and lines[begin].startswith("- ")
-    if not listed or any(line.startswith("tree:") for line in lines):
-        return None
-    nodes = "\n".join(lines[begin:]).rstrip().split("\n")
-    text = "\n".join(["tree:", "  sequence:", *(f"    {line}" for line in nodes)])
-    why = "a list of nodes must be below tree: and a node such as sequence:"
-    return FileError([Mistake(broken.place, why, Correction(text, begin + 1, len(nodes)))])
 
 
 def _mistakes(path: Path, text: str, edits: Sequence[Edit]) -> list[Mistake]:

@@ -88,7 +88,6 @@ _FOREIGN: tuple[tuple[str, str | Callable[[re.Match[str]], str], str], ...] = (
      "a colon separates a key from its value, not `=`"),
     (r"(?<!\S)[\u2013\u2014\u2212](?= \w+:)", "-", "write the plain dash -"),
     (r"^(\s*)-(?=[A-Za-z{\[])", r"\1- ", "a space is missing after the `-`"),
-    (r"^```.*", "", "leave out the ``` of Markdown"),
     (r"^(\s*)([*+\u2022\u2192\u25cf]|\d+[.)])(?= [A-Za-z{])", r"\1-",
      "every node of a list begins with a `-`"),
 )  # fmt: skip
@@ -153,7 +152,6 @@ _SLIPS = (
     (r"^(\s*)(//|/\*)\** ?(.*?)( ?\*/)?$", r"\1# \3", r"a comment begins with #, not with \2"),
     (r"^(.*[^\s:]\s+)(// ?)(?=[^/]*$)", r"\1# ", "a comment begins with #, not with //"),
     (r"()([;,])$", "", r"leave out the `\2`"),
-    (r"([{,] *[\w-]+: )(@(\w+))", r"\1$\3", r"write `$\3` for a parameter"),
     (rf"(\{{)(([A-Za-z_]\w*), *)(?={_AMOUNT}\}})", r"\1\3: ",
      r"a colon separates `\3` from its value, not a comma"),
     (r"(: [\w-]+)(:)$", r"\1", r"leave out the `\2` at the end"),
@@ -161,11 +159,12 @@ _SLIPS = (
     (r"(: *[-+]?\d+)(,)(?=\d)", r"\1.", "a point begins the decimals, not a comma"),
     (r"([}\]])( ?(?:deg|rad|mm|cm|m|s|ms))(?= *[,}\]]|$)", r"\1",
      "each number has its own unit; leave out this one"),
-    (r"^()([A-Z]\w*(?: [\w',-]+)+[:.!]?)$", r"# \2", "a comment begins with #"),
     (rf"(: )({_AMOUNT}(, *{_AMOUNT})+)(?=[,}}]|$)", r"\1[\2]", "a list needs brackets"),
     (rf"(: )({_TEXT}(,{_TEXT})+)(?=[,}}])", r'\1"\2"', "a text with a comma needs quotes"),
     (rf"(: )([A-Za-z]+: {_TEXT}|[A-Z][\w ]*: [\w .]+)(?=[,}}])", r'\1"\2"',
      "a text with a colon needs quotes"),
+    (r"(\w+: )([^'\"{}\[\],#$][^'#]*[\"{}][^'#]*)(?=\}$)", r"\1'\2'",
+     "a text with special characters must be in quotes"),
 )  # fmt: skip
 
 
@@ -261,7 +260,7 @@ def _sign_edits(lines: tuple[str, ...], row: int, column: int) -> Iterator[Edit]
         at = word.start(1)
         text = f"{before[:at].rstrip()}, {before[at:]}{after}"
         yield edit(at, f"a comma is missing before `{word[1]}`", text)
-    if value := re.match(r"(?!!\w)[^\s,}\]\[{#'\"][^,}\]#]*(?<!\s)", after):
+    if value := re.match(r"(?!!\w|[\w-]+: )[^\s,}\]\[{#'\"][^,}\]#]*(?<!\s)", after):
         text = f'{before}"{value[0]}"{after[value.end() :]}'
         yield edit(column, f"{value[0]} must be in quotes", text)
 

@@ -143,14 +143,6 @@ def test_slips_in_several_lines(right: str, wrong: str, said: list[str]) -> None
     assert [f"{m.place.line}:{m.place.column} {m.message}" for m in mistakes] == said
 
 
-def test_a_list_without_a_node_above_it_gets_one() -> None:
-    head = "task: 20\nname: m\ndescription: x\n"
-    (mistake,) = found(f"{head}- subtree: open_gripper\n- Succeed\n")
-    assert mistake.message == "a list of nodes must be below tree: and a node such as sequence:"
-    assert mistake.instead
-    assert found(corrected(f"{head}- subtree: open_gripper\n- Succeed\n", mistake.instead)) == []
-
-
 @pytest.mark.parametrize(
     ("wrong", "right"),
     [
