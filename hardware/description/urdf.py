@@ -20,7 +20,9 @@ from xml.parsers import expat
 
 from hardware.files import read_file
 from hardware.joints import Joint, Mimic
-from hardware.spelling import closest, there_are
+from hardware.spelling import there_are
+
+from .urdf_attributes import SHAPES, SIZES, end_of, given, misspelt, others
 
 Vector = tuple[float, float, float]
 _Mistake = tuple[Element | None, str]  # the wrong element, or None for the file; the message
@@ -263,7 +265,7 @@ class Urdf:
         """Yield line, name, key and numbers [m] of each size of a collision or visual shape."""
         for link in self._root.findall("link"):
             for shape in link.findall("*/geometry/*"):
-                for key in _SIZES.get(shape.tag, {}):
+                for key in SIZES.get(shape.tag, {}):
                     where = f"the {shape.tag} of {link.get('name', '')}"
                     yield self._lines[shape], where, key, _numbers(shape.get(key, ""))
 
@@ -354,9 +356,7 @@ def _tree_mistakes(joints: list[Element], bodies: list[Element]) -> Iterator[_Mi
         ends[name], elements[name] = (parent, child), joint
         for tag, link in (("parent", parent), ("child", child)):
             if not link:
-                given = [*each.attrib.values()] if (each := joint.find(tag)) is not None else []
-                written = f'<{tag} link="{given[0] if given else "NAME"}"/>'
-                yield joint, f"joint {name} has no {tag}; write {written} in it"
+                yield joint, f"joint {name} has no {tag}; write {end_of(joint, tag)} in it"
             elif link not in links:
                 why = f"joint {name}: its {tag} {link} is not a link; {there_are(link, links)}"
                 if not why.endswith("?"):
@@ -442,7 +442,7 @@ def _origin(joint: Element, wrong: list[_Mistake]) -> tuple[Vector, Vector]:
 
 
 def _vector(origin: Element, key: str, wanted: str, wrong: list[_Mistake]) -> Vector:
-    numbers = _numbers(_given(origin, key, "0 0 0"))
+    numbers = _numbers(given(origin, key, "0 0 0"))
     if len(numbers) != 3:
         wrong.append(_mistake(f"its {origin.tag}", origin, key, wanted))
         return 0.0, 0.0, 0.0
@@ -482,7 +482,7 @@ def _unit(kind: str) -> str:
 
 def _axis(joint: Element, wrong: list[_Mistake]) -> Vector:
     axis = joint.find("axis")
-    text = "1 0 0" if axis is None else _given(axis, "xyz", "1 0 0")
+    text = "1 0 0" if axis is None else given(axis, "xyz", "1 0 0")
     numbers = _numbers(text)
     if len(numbers) != 3 or not _SHORTEST_AXIS <= math.hypot(*numbers) <= 1.0 / _SHORTEST_AXIS:
         wanted = "give x, y, z of a vector with a length, such as 0 0 1"
@@ -511,7 +511,7 @@ def _number(
     least: float = -math.inf,
     default: str | None = None,
 ) -> float:
-    text = _given(element, key, default or "")
+    text = given(element, key, default or "")
     if not _NUMBER.fullmatch(text) or not least <= float(text) < math.inf:
         wrong.append(_mistake(f"its {element.tag}", element, key, wanted))
         return math.nan
@@ -520,24 +520,11 @@ def _number(
 
 # Collision shapes --------------------------------------------------------------------------------
 
-# For each kind of shape, the attributes that hold sizes, and the count of numbers in each.
-_SIZES = {"box": {"size": 3}, "sphere": {"radius": 1}, "cylinder": {"radius": 1, "length": 1}}
-_SHAPES = (*_SIZES, "mesh")
-# Attributes of the elements that are read.
-_ATTRIBUTES = {
-    **{shape: tuple(sizes) for shape, sizes in _SIZES.items()},
-    "mesh": ("filename", "scale"),
-    "origin": ("xyz", "rpy"),
-    "axis": ("xyz",),
-    "limit": ("lower", "upper", "velocity", "effort"),
-    "mimic": ("joint", "multiplier", "offset"),
-}
-
 
 def _collision_mistakes(link: str, collision: Element, largest: float) -> Iterator[_Mistake]:
     for origin in collision.findall("origin"):
         for key in ("xyz", "rpy"):
-            numbers = _numbers(_given(origin, key, "0 0 0"))
+            numbers = _numbers(given(origin, key, "0 0 0"))
             if len(numbers) != 3 or max(map(abs, numbers)) > largest:
                 wanted = f"three numbers from {-largest:g} to {largest:g}"
                 yield _mistake(f"an origin of {link}", origin, key, wanted)
@@ -550,9 +537,9 @@ def _collision_mistakes(link: str, collision: Element, largest: float) -> Iterat
 
 def _shape_mistakes(link: str, shape: Element, largest: float) -> Iterator[_Mistake]:
     where = f"the {shape.tag} of {link}"
-    if shape.tag not in _SHAPES:
-        yield shape, f"{link} has a {shape.tag}; give one of {', '.join(_SHAPES)}"
-    for key, count in _SIZES.get(shape.tag, {}).items():
+    if shape.tag not in SHAPES:
+        yield shape, f"{link} has a {shape.tag}; give one of {', '.join(SHAPES)}"
+    for key, count in SIZES.get(shape.tag, {}).items():
         numbers = _numbers(shape.get(key, ""))
         if len(numbers) != count or not all(0.0 < number <= largest for number in numbers):
             wanted = "a number" if count == 1 else "three numbers"
@@ -560,7 +547,7 @@ def _shape_mistakes(link: str, shape: Element, largest: float) -> Iterator[_Mist
     if shape.tag == "mesh":
         if not shape.get("filename"):
             yield _mistake(where, shape, "filename", "the name of a file")
-        scale = _numbers(_given(shape, "scale", "1 1 1"))  # a negative scale mirrors the mesh
+        scale = _numbers(given(shape, "scale", "1 1 1"))  # a negative scale mirrors the mesh
         if len(scale) != 3 or not all(0.0 < abs(number) <= largest for number in scale):
             wanted = f"three numbers other than 0, from {-largest:g} to {largest:g}"
             yield _mistake(where, shape, "scale", wanted)
@@ -582,7 +569,7 @@ def _shape(
     if shape.tag == "mesh":
         sizes = _numbers(shape.get("scale", "1 1 1"))
     else:
-        sizes = [each for key in _SIZES[shape.tag] for each in _numbers(shape.get(key, ""))]
+        sizes = [each for key in SIZES[shape.tag] for each in _numbers(shape.get(key, ""))]
     color = None
     if material is not None:
         color = _color(material) or colors.get(material.get("name", ""))
@@ -606,30 +593,7 @@ def _numbers(text: str) -> list[float]:
 
 
 def _mistake(where: str, element: Element, key: str, wanted: str) -> _Mistake:
-    value, near = element.get(key), _misspelt(element, key)
+    value, near = element.get(key), misspelt(element, key)
     what = "is missing" if value is None else f"is {reprlib.repr(value)}"
-    if near:
-        return element, f"the {key} of {where} {what}; write {key} for {near}"
-    return element, f"the {key} of {where} {what}; give {wanted}{_others(element, value)}"
-
-
-def _given(element: Element, key: str, default: str) -> str:
-    """Return the value of an attribute, the default if it is absent, or "" if it is misspelt."""
-    return element.get(key, "" if _misspelt(element, key) else default)
-
-
-def _unknown(element: Element) -> list[str]:
-    """Return the names of the attributes that a URDF does not have."""
-    return [name for name in element.attrib if name not in _ATTRIBUTES.get(element.tag, (name,))]
-
-
-def _misspelt(element: Element, key: str) -> str:
-    """Return the name of the attribute that most likely means `key`; empty if none does."""
-    return "" if key in element.attrib else closest(key, _unknown(element))
-
-
-def _others(element: Element, value: str | None) -> str:
-    """Return words about unknown attributes beside a missing one."""
-    names = _unknown(element) if value is None else []
-    verb = "are" if names[1:] else "is"
-    return f"; {' and '.join(names)} {verb} not known there" if names else ""
+    way = f"write {key} for {near}" if near else f"give {wanted}{others(element, value)}"
+    return element, f"the {key} of {where} {what}; {way}"
