@@ -40,6 +40,7 @@ from .sources import Sources
 from .unknown_names import (
     TO_POSE,
     is_nothing,
+    joints_by_name,
     meant,
     meant_file,
     only_taker,
@@ -47,7 +48,7 @@ from .unknown_names import (
     why_unknown,
     without_ports,
 )
-from .values_by_port import as_mapping, as_subtree, by_port, in_braces, with_more, with_port
+from .values_by_port import as_mapping, as_subtree, by_port, with_more, with_port
 
 MAX_NODES = 10_000
 MAX_SUBTREES = 8  # largest nesting depth
@@ -268,8 +269,6 @@ class TreeCompiler:
             before.unread = {n: key for n, key in before.unread.items() if n in branch.unread}
         return nodes, branches or [before]
 
-    # Files
-
     def _file(self, spec: SubtreeNode, scope: Scope, shown: str) -> Behaviour:
         what = f"subtree {spec.source}" if isinstance(spec.source, str) else f"task {spec.source}"
         label = spec.source if isinstance(spec.source, str) else what
@@ -349,7 +348,7 @@ class TreeCompiler:
             return {}
         ports: dict[str, Value] = {}
         named = f"{source.port} of {what}" if spec.source not in self._sources.uncertain else ""
-        ported = self._joints_by_name(spec, source, what)
+        ported = joints_by_name(spec, source, what, self._context.robot, self._wrong)
         ported = by_port(ported, source.parameters, (what, "with"), self._wrong)
         values = self._known_ports(ported, source.parameters, named, scope)
         missing = dict[str, str]()
@@ -376,23 +375,6 @@ class TreeCompiler:
             self._wrong(spec.place, f"{what} {needs}", right)
         return ports
 
-    def _joints_by_name(
-        self, spec: SubtreeNode, source: TaskFile, what: str
-    ) -> Mapping[str, Value]:
-        """Report names of joints and positions at two ports. Return one port with the positions."""
-        taker = [port for port, each in source.parameters.items() if each.type == "positions"]
-        whole = as_mapping(spec.values)
-        made = as_positions(whole, self._context.robot) if len(spec.values) == 2 else whole
-        if len(taker) != 1 or made is whole or not isinstance(made, Located):
-            return spec.values
-        written = f"{taker[0]}: {made.as_yaml()}"
-        first, *_ = spec.values.values()
-        right = in_braces(spec.values, f"{{{written}}}") or replaced_block(first.label, [written])
-        self._wrong(
-            first.label, f"{what} takes positions by joint: write with: {{{written}}}", right
-        )
-        return {taker[0]: made}
-
     def _pose_of(self, group: str) -> str:
         """Return the first pose of the joints of a group; empty if there is none."""
         robot = self._context.robot
@@ -415,13 +397,9 @@ class TreeCompiler:
     def _skill(self, spec: SkillNode, scope: Scope, shown: str) -> Behaviour:
         kind = self._skills.get(spec.skill)
         if kind is None:
-            subtrees, poses, robot = (
-                self._library.subtrees(),
-                self._sources.poses,
-                self._context.robot,
-            )
-            likely = meant(spec, self._skills, self._library, poses, robot)
-            name = likely if spec.skill else ""
+            subtrees, robot = self._library.subtrees(), self._context.robot
+            poses = self._sources.poses
+            name = spec.skill and meant(spec, self._skills, self._library, poses, robot)
             if name in subtrees:
                 return self._node(self._as_subtree(spec, name, shown), scope)
             if name in self._skills:
@@ -481,9 +459,9 @@ class TreeCompiler:
         pose = target_pose(given, self._sources.poses) if name == TO_POSE else None
         if pose and source and not given.keys() & source.parameters.keys():
             given = {"": pose}
-        made = as_positions(pair := as_mapping(given), self._context.robot)
-        if name == TO_POSE and len(given) == 2 and made is not pair and source:
-            given = dict.fromkeys([*source.parameters][:1], made)
+        if name == TO_POSE and source:
+            named = replace(node, values=given)
+            given = joints_by_name(named, source, "", self._context.robot, mistakes.add)
         whole = given.get("")
         is_list = isinstance(whole, Located) and isinstance(whole.value, list)
         if whole and (name == TO_POSE or not is_list):  # only there, a list has angles
@@ -577,8 +555,6 @@ class TreeCompiler:
             return False
         self._wrong(value.place, f"{what}: ${value.name} is {_FIXED[scope.file.port]}")
         return True
-
-    # Values
 
     def _resolve(self, value: Value | None, scope: Scope) -> Value | None:
         """Return a value with its references replaced by their values."""

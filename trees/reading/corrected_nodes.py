@@ -42,9 +42,9 @@ def node_instead(value: Located, in_turn: str) -> Correction | None:
         and sum(map(begins_node, {*first} - {"try"})) == 1 - ("try" in first)
     ):
         own = first.get("try", Located(value.place, first, value.place))
-        nodes, head = [_as_node(own), _as_node(keys[other])], "selector"
-        head = in_turn if other == "then" else head
-        return replaced_block(value.place, [f"{head}:", *(f"  - {node}" for node in nodes)])
+        nodes = [_as_node(own), _as_node(keys[other])]
+        head = f"{in_turn}:" if other == "then" else "selector:"
+        return replaced_block(value.place, [head, *(f"  - {node}" for node in nodes)])
     return None
 
 

@@ -225,10 +225,6 @@ class _Parser:
             if isinstance(self.root.value, str) and right != text:
                 why, row = f"a colon is missing after `{text.split()[0]}`", text.count("\n") + 1
                 self.mistakes.add_last(self.root.place, why, Correction(right, 1, row))
-            begun = str(self.root.value)
-            other = "XML" if begun.startswith("<") else ""
-            other = "Python" if re.match(r"(import|from) \w", begun) else other
-            hint = f"; this is {other}{hint}" if other else hint
             self._wrong(self.root.place, f"expected the keys {needed}{hint}")
         elif "tree" in keys and self._is_strange():
             why = f"this is not a task: it has neither {keys[0]} nor tree"
@@ -413,10 +409,11 @@ class _Parser:
         if not names or len({*names}) != len(items):
             return None
         rests = [{k: v for k, v in nested(item).items() if k != "name"} for item in items]
-        found = dict[str, Located]()
-        for name, item, rest in zip(names, items, rests, strict=True):
-            one = next(iter(rest.values())) if len(rest) == 1 and key == "poses" else None
-            found[name] = one or Located(item.place, rest, item.label)
+        found = {
+            name: replace(v, value=rest) for name, v, rest in zip(names, items, rests, strict=True)
+        }
+        if key == "poses" and all(len(rest) == 1 for rest in rests):
+            found = {name: next(iter(nested(each).values())) for name, each in found.items()}
         indent = "  " * (value.place.column == value.label.column)
         rows = [f"{indent}{name}: {each.as_yaml()}" for name, each in found.items()]
         why = f"{key}: a list is not a mapping of names; write each name as a key"
