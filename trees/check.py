@@ -1,5 +1,6 @@
 """`armtree check`: finds the mistakes in task files without moving anything."""
 
+import os
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
@@ -80,10 +81,10 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
         findings.mistakes = _mistakes(error)
         return findings
     libraries = {id(library): library for _, library, _ in jobs}.values()
-    named = {path.resolve() for path in files}
+    named = {_real(path) for path in files}
     for library in libraries:
         findings.mistakes += [
-            m for m in library.mistakes if not files or m.place.path.resolve() in named
+            m for m in library.mistakes if not files or _real(m.place.path) in named
         ]
         findings.notes += [] if files else library.notes
     for path, library, name in jobs:
@@ -227,6 +228,11 @@ def _mistake(refusal: RefusedInput, arguments: Mapping[str, Located]) -> Mistake
     return Mistake(value.place, f"{name}: {refusal.error}") if name and value else refusal.mistake
 
 
+def _real(path: Path) -> Path:
+    """Return a path without symbolic links. `Path.resolve` raises an error at a loop of links."""
+    return Path(os.path.realpath(path))
+
+
 def _jobs(
     robot: str, folder: Path | None, files: Sequence[Path]
 ) -> Iterator[tuple[Path, Library, Named]]:
@@ -236,17 +242,17 @@ def _jobs(
         return
     libraries: dict[Path, dict[Path, tuple[Library, Named]]] = {}
     for file in files:
-        parent = file.resolve().parent
+        parent = _real(file).parent
         if parent.name == robot:
             parent = parent.parent
         if parent not in libraries:
-            folder = file.parent if parent == file.resolve().parent else file.parent.parent
+            folder = file.parent if parent == _real(file).parent else file.parent.parent
             library = Library(folder, robot)
-            libraries[parent] = {path.resolve(): (library, name) for path, name in library.files()}
+            libraries[parent] = {_real(path): (library, name) for path, name in library.files()}
         library = next(iter(libraries[parent].values()))[0]  # there are always shipped subtrees
-        named = [m for m in library.mistakes if m.place.path.resolve() == file.resolve()]
-        if file.resolve() in libraries[parent]:
-            yield file, *libraries[parent][file.resolve()]
+        named = [m for m in library.mistakes if _real(m.place.path) == _real(file)]
+        if _real(file) in libraries[parent]:
+            yield file, *libraries[parent][_real(file)]
         elif named:
             yield file, library, FileError(named)
         else:

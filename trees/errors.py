@@ -359,7 +359,7 @@ class BadArguments(FileError):
     """The arguments of a task are wrong; its file is valid.
 
     Attributes:
-        argument: Name of the first wrong argument; empty if unknown.
+        argument: Name of the first wrong argument; empty if unknown or longer than 100 characters.
     """
 
     code = "goal.bad_arguments"
@@ -369,7 +369,8 @@ class BadArguments(FileError):
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
         super().__init__(map(_without_line, mistakes))
-        self.argument = self.mistakes[0].place.argument
+        name = self.mistakes[0].place.argument
+        self.argument = name if len(name) <= 100 else ""  # a client may send any name
 
 
 def _without_line(mistake: Mistake) -> Mistake:

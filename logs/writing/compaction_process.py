@@ -3,6 +3,7 @@
 import contextlib
 import os
 import pickle
+import signal
 import socket
 import subprocess
 import sys
@@ -15,7 +16,8 @@ from .compaction import Summary, rewrite
 
 _AT_ONCE = 4  # number of parallel compactions; each mostly waits for the disk
 _BEHIND = 10  # niceness of the process
-_PATH_BYTES = 4096
+_PATH_BYTES, _ANSWER_BYTES = 4096, 65536
+_STOPPED = 1.0  # the process is continued after this time without an answer [s]
 
 
 class CompactionProcess:
@@ -45,8 +47,7 @@ class CompactionProcess:
         with ours:
             with theirs:
                 self._send(os.fsencode(journal.absolute()), [lock, theirs.fileno()])
-            with ours.makefile("rb") as stream:
-                answer = stream.read()
+            answer = b"".join(iter(lambda: self._receive(ours), b""))
         return pickle.loads(answer) if answer else rewrite(journal)
 
     @property
@@ -57,6 +58,15 @@ class CompactionProcess:
     def close(self) -> None:
         """End the process after its pending compactions."""
         self._end()
+
+    def _receive(self, answers: socket.socket) -> bytes:
+        """Return the next bytes. Continue the process if it was stopped meanwhile."""
+        answers.settimeout(_STOPPED)
+        while True:
+            try:
+                return answers.recv(_ANSWER_BYTES)
+            except TimeoutError:
+                self._process.send_signal(signal.SIGCONT)
 
     def _send(self, message: bytes, descriptors: list[int]) -> None:
         with self._lock:
@@ -88,6 +98,7 @@ def shared_process() -> CompactionProcess:
 
 def _end(requests: socket.socket, process: "subprocess.Popen[bytes]") -> None:
     requests.close()
+    process.send_signal(signal.SIGCONT)  # a stopped process would never end
     process.wait()
 
 

@@ -379,3 +379,12 @@ def test_a_task_for_another_robot_is_noted_and_leaves_the_others_alone(
         "names joints that the arduinobot lacks: shoulder_pan. If it is for another robot, move it "
         f"to the subfolder of {tmp_path} with the name of that robot"
     )
+
+
+def test_a_loop_of_links_is_a_mistake(robot: Robot, tmp_path: Path) -> None:
+    link = tmp_path / "5_x.yaml"
+    link.symlink_to(link)
+    for mistakes in check(robot, tmp_path).mistakes, check(robot, None, [link]).mistakes:
+        assert [each.message for each in mistakes] == [
+            "cannot be read: Too many levels of symbolic links"
+        ]

@@ -394,7 +394,7 @@ def test_the_files_that_a_task_needs(robot: Robot, tmp_path: Path) -> None:
         "3_y.yaml": {
             "the file is named for task 3 but says task 4; rename the file, or change the line",
             "the file is named 3_y.yaml but says name x; rename the file, or change the line",
-            "d is not a port of subtree look; ",
+            "d is not a port of subtree look; ; leave it out",
             "joints: no pose lfet; ; did you mean left?",
         },
     }

@@ -223,7 +223,7 @@ def frozen(scene: Scene) -> None:
 
 
 GOALS = (1.0, 0.5, 0.4, -0.9)  # of the joints [rad]
-SLOW = 0.05  # velocity of all joints in the robot file [rad/s]
+SLOW = 0.02  # velocity of all joints in the robot file [rad/s]
 SKILL = """
 from dataclasses import replace
 
@@ -262,8 +262,8 @@ tree:
 
 @row(
     "too-fast",
-    "a skill plays a motion of any joint, on either firmware, at 3 to 20 times its velocity, which"
-    " is 0.05 rad/s, so that the board could follow",
+    "a skill plays a motion of any joint, on either firmware, at 3 to 15 times its velocity, which"
+    " is 0.02 rad/s, so that the board could follow",
     "the write guard refuses it: `hw.joint_too_fast`, exit status 6; no joint gets further in 0.4 s"
     " than at its limit in 0.4 s and three periods",
     times=8,
@@ -272,7 +272,7 @@ tree:
 def too_fast(scene: Scene) -> None:
     ((firmware, joint),) = scene.share(itertools.product(("stock", "armtree"), range(4)))
     far = GOALS[joint] * scene.random.uniform(1.0, 1.4)
-    factor = scene.random.randint(3, 20)
+    factor = scene.random.randint(3, 15)  # a step is as many degrees at least
     texts = {
         "skills/hurry.py": SKILL,
         "trees/30_hurry.yaml": TASK.format(joint=f"joint_{joint + 1}", goal=far, factor=factor),

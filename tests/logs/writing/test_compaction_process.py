@@ -56,6 +56,16 @@ def test_many_at_once(tmp_path: Path, compaction: CompactionProcess) -> None:
     assert all(is_complete(recorder.path, every_byte=True) for recorder in recorders)
 
 
+def test_a_stopped_process_is_continued(
+    tmp_path: Path, compaction: CompactionProcess, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(logs.writing.compaction_process, "_STOPPED", 0.01)
+    recorder = recorded(tmp_path / "run.mcap")
+    os.kill(compaction.pid, signal.SIGSTOP)
+    assert recorder.close(compaction).whole
+    os.kill(compaction.pid, signal.SIGSTOP)  # then the fixture ends it
+
+
 def test_if_the_process_was_killed_the_caller_compacts_and_a_new_one_starts(
     tmp_path: Path, compaction: CompactionProcess
 ) -> None:
