@@ -244,19 +244,23 @@ def doctor(scene: Scene) -> None:
 @row(
     "runtime-folder",
     "there is no `XDG_RUNTIME_DIR`, and in the folder for temporary files, the folder of armtree is"
-    " a link, a file, a pipe, or open to other users",
+    " a link, a file, a pipe, open to other users, or, if root injects the fault, another user's",
     "the server ends with exit status 13 and names that folder; nothing is written there",
-    times=5,
+    times=6,
 )
 def runtime_folder(scene: Scene) -> None:
     temporary, other = scene.folder / "tmp", scene.folder / "other"
     temporary.mkdir()
     other.mkdir(mode=0o700)
     folder = temporary / f"armtree-{os.getuid()}"
-    (kind,) = scene.share(["link", "dangling link", "file", "pipe", "open folder"])
+    foreign = ["another user's folder"] if os.getuid() == 0 else []
+    (kind,) = scene.share(["link", "dangling link", "file", "pipe", "open folder", *foreign])
     if kind == "open folder":
         folder.mkdir()
         folder.chmod(0o777)
+    elif kind in foreign:
+        folder.mkdir(mode=0o700)
+        os.chown(folder, 65534, 65534)  # nobody
     elif kind == "link":
         folder.symlink_to(other)
     else:
