@@ -20,7 +20,7 @@ class NotJson(ValueError):
         found = cause if isinstance(cause, json.JSONDecodeError) else None
         self.why = found.msg if found else str(cause)
         if found and found.doc[: found.pos].rstrip().endswith(","):
-            self.why += "; leave out the comma before it"
+            self.why += "; leave out the comma before this place"
         self.line, self.column = (found.lineno, found.colno) if found else (0, 0)
         super().__init__(str(cause))
 

@@ -69,13 +69,15 @@ class Soak:
         for client in clients:
             client.start()
         end = time.monotonic() + seconds
-        while time.monotonic() < end:
-            pause(self.random, 6.0)
-            self._inject()
-            pause(self.random, 3.0)
-            if self.random.random() < 0.7:
-                self._recover(strict=False)
-        stop.set()
+        try:
+            while time.monotonic() < end:
+                pause(self.random, 6.0)
+                self._inject()
+                pause(self.random, 3.0)
+                if self.random.random() < 0.7:
+                    self._recover(strict=False)
+        finally:  # also after Ctrl-C
+            stop.set()
         for client in clients:
             client.join(150)
             if client.is_alive():

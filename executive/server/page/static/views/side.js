@@ -59,11 +59,12 @@ export function drawRunning(shown) {
 export function drawWaiting(status, runs) {
   const list = byId("waiting", HTMLElement);
   const waiting = status?.waiting ?? [];
-  if (!isNew(list, waiting.join(" "))) return;
-  const items = waiting.map((identity) => {
+  const titles = waiting.map((identity) => runs.titleOf(identity)); // known once the goals are loaded
+  if (!isNew(list, [...waiting, ...titles].join(" "))) return;
+  const items = waiting.map((identity, index) => {
     const cancel = element("button", { type: "button" }, "Cancel");
     cancel.addEventListener("click", () => post(`api/goals/${identity}/cancel`).catch(() => undefined));
-    return element("li", {}, element("span", { class: "name" }, `${runs.titleOf(identity)}, waiting`), cancel);
+    return element("li", {}, element("span", { class: "name" }, `${titles[index]}, waiting`), cancel);
   });
   list.replaceChildren(...items);
 }
