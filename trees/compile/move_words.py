@@ -32,7 +32,7 @@ def as_positions(value: Value, robot: Robot) -> Value:
     beside the angles in another one.
     """
     if isinstance(value, Located) and len(nested(value)) == 2:
-        items = _by_name([*nested(value).values()], robot)
+        items = _paired([*nested(value).values()], robot)
         return replace(value, value=items) if items else value
     if isinstance(value, Located) and isinstance(value.value, list):
         joints = robot.actuated_in("arm") if "arm" in robot.groups else ()
@@ -50,7 +50,7 @@ def as_positions(value: Value, robot: Robot) -> Value:
     return replace(value, value=items) if items else value
 
 
-def _by_name(pair: Sequence[Located], robot: Robot) -> dict[str, Located]:
+def _paired(pair: Sequence[Located], robot: Robot) -> dict[str, Located]:
     """Return positions by joint, of one or several names of joints and their positions."""
     names, positions = (each.value if isinstance(each.value, list) else [each] for each in pair)
     joints = [joint.name for joint in robot.actuated]
@@ -62,7 +62,18 @@ def _by_name(pair: Sequence[Located], robot: Robot) -> dict[str, Located]:
 def joints_by_name(
     spec: SubtreeNode, source: TaskFile, what: str, robot: Robot, wrong: Callable[..., None]
 ) -> Mapping[str, Value]:
-    """Report names of joints and positions at two ports. Return one port with the positions."""
+    """Report names of joints at one port and their positions at another one.
+
+    Args:
+        spec: Use of a subtree.
+        source: The subtree.
+        what: The subtree in words.
+        robot: The robot.
+        wrong: Receives place, message and correction of the mistake.
+
+    Returns:
+        The only port for positions, with them by joint; or the values as they are.
+    """
     takers = [port for port, each in source.parameters.items() if each.type == "positions"]
     whole = as_mapping(spec.values)
     made = as_positions(whole, robot) if len(spec.values) == 2 else whole
