@@ -80,7 +80,10 @@ def suggestion(word: str, known: Iterable[str], given: Collection[str] = ()) -> 
 
 
 def there_are(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
-    """Return `there are NAMES` or `there is only NAME`; of many names, only similar ones."""
+    """Return `there are NAMES` or `there is only NAME`.
+
+    Of many names, it has only the similar ones, or the first ones if none is similar.
+    """
     names = tuple(known)
     if len(names) == 1:
         return f"there is only {names[0]}"

@@ -48,9 +48,10 @@ def pytest_configure(config: pytest.Config) -> None:
 
 
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
-    """What is picked out runs right here, where -s works. The whole suite takes every core.
+    """What is picked out runs right here, where -s works. The whole suite uses several processes.
 
-    Its tests wait for about half of their time, so one more process makes it a sixth shorter.
+    Its tests wait for about half of their time, so one more process than cores makes it a sixth
+    shorter.
     """
     whole = all(map(os.path.isdir, config.option.file_or_dir)) and not config.option.keyword
     return len(os.sched_getaffinity(0)) + 1 if whole else 0

@@ -66,10 +66,10 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
         echo(f"Clients connect to http://127.0.0.1:{port}/mcp. Ctrl-C ends this command.", err=True)
     elif sys.stdin.isatty():
         echo(_TERMINAL, err=True)
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for each in (signal.SIGINT, signal.SIGTERM):
         # A thread that reads standard input never ends by itself. The server of the arm detects the
         # end of the connections, and cancels the goals.
-        signal.signal(number, lambda number, _: end_process(128 + number))
+        signal.signal(each, lambda number, _: end_process(128 + number))
     asyncio.run(serve_http(make, server, listener) if listener else serve_stdio(make()))
 
 

@@ -316,5 +316,6 @@ def new(number: int, name: str, trees: Path, robot: Path | None) -> None:
     from trees.writing.new_task import write_task
 
     path = write_task(load_robot(robot), trees, number, name)
-    given = shlex.join(["", *given_options(click.get_current_context(), "trees", "robot")])[2:]
+    options = given_options(click.get_current_context(), "trees", "robot")
+    given = "".join(f" {shlex.quote(word)}" for word in options)
     echo(f"{path}\nNext, type: armtree check{given}, then armtree run {number}{given}", whole=True)

@@ -468,7 +468,11 @@ def _credentials(url: str) -> dict[str, Any]:
 
 
 def _seed(key: str) -> str:
-    """Return the private key of a file."""
+    """Return the private key of a file.
+
+    Raises:
+        BadCredentials: The file cannot be read, or has no private key.
+    """
     import nkeys
 
     try:

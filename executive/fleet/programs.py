@@ -87,7 +87,8 @@ def up(url: str, http_port: int, own: NatsOptions | None = None) -> None:
         own: Options of the NATS server, to run it during that time; None if it runs already.
 
     Raises:
-        FleetError: nats-server cannot start, or it ended, or another program has the port.
+        FleetError: nats-server cannot start or has ended, its data folder is gone, or another
+            program has the port.
     """
 
     async def main() -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from hardware import ArmEvent, BytesReceived, CommandSent, FrameSent, Measured, Measurement
 
-# Largest change of a resting arm that counts as noise: [rad], part of the torque, [C], [V], count.
+# Largest change of a resting arm that counts as noise: [rad], share of the torque, [C], [V], count.
 _CHANGES = {
     "position": math.radians(0.5),
     "effort": 0.1,

@@ -13,7 +13,7 @@ class Guards:
     Attributes:
         following_deg: Largest difference of a measured from a commanded position [deg].
         following_s: Longest time with a larger difference [s].
-        stall_effort: Effort of a stalled joint or more, as a part of the largest torque.
+        stall_effort: Effort of a stalled joint or more, as a share of the largest torque.
         stall_a: Current of a stalled joint or more [A]; unused if no current is measured.
         stall_deg: Smallest difference from the commanded position of a stalled joint [deg].
         stall_s: Longest time with such an effort, current and difference [s].

@@ -22,7 +22,7 @@ from hardware.files import read_file
 from hardware.joints import Joint, Mimic
 from hardware.spelling import there_are
 
-from .urdf_attributes import SHAPES, SIZES, end_of, given, misspelt, others
+from .urdf_attributes import SHAPES, SIZES, corrected_end, given, misspelt, others
 
 Vector = tuple[float, float, float]
 _Mistake = tuple[Element | None, str]  # the wrong element, or None for the file; the message
@@ -356,7 +356,7 @@ def _tree_mistakes(joints: list[Element], bodies: list[Element]) -> Iterator[_Mi
         ends[name], elements[name] = (parent, child), joint
         for tag, link in (("parent", parent), ("child", child)):
             if not link:
-                yield joint, f"joint {name} has no {tag}; write {end_of(joint, tag)} in it"
+                yield joint, f"joint {name} has no {tag}; write {corrected_end(joint, tag)} in it"
             elif link not in links:
                 why = f"joint {name}: its {tag} {link} is not a link; {there_are(link, links)}"
                 if not why.endswith("?"):

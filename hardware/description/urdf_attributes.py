@@ -34,14 +34,26 @@ def misspelt(element: Element, key: str) -> str:
 
 
 def others(element: Element, value: str | None) -> str:
-    """Return words about unknown attributes beside a missing one."""
+    """Return words about the unknown attributes of an element; empty if there are none.
+
+    Args:
+        element: The element.
+        value: Value of the wanted attribute. If it is not None, the words are empty.
+    """
     names = _unknown(element) if value is None else []
     verb = "are" if names[1:] else "is"
     return f"; {' and '.join(names)} {verb} not known there" if names else ""
 
 
-def end_of(joint: Element, tag: str) -> str:
-    """Return the element of a joint with the link at its end, with what it has instead."""
+def corrected_end(joint: Element, tag: str) -> str:
+    """Return the element that names a link of a joint, such as `<parent link="base"/>`.
+
+    The name is the value of the first attribute that is there, or else NAME.
+
+    Args:
+        joint: The joint.
+        tag: parent or child.
+    """
     element = joint.find(tag)
     values = [] if element is None else [*element.attrib.values()]
     return f'<{tag} link="{values[0] if values else "NAME"}"/>'

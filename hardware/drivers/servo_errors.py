@@ -122,7 +122,7 @@ class ServoHealth:
     """Measured values of a servo, and its own limits.
 
     Attributes:
-        load: Its load, as a part of the largest torque of its series.
+        load: Its load, as a share of the largest torque of its series.
         most_load: Limit of its load.
         celsius: Its temperature [C].
         most_celsius: Limit of its temperature [C].

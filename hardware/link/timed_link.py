@@ -85,9 +85,13 @@ class TimedLink:
             self._signal.notify()
 
     def _in_time(self, done: Future[None], waits: int) -> bool:
-        """Wait for a call. Return False after the timeout. Raises the exception of the call.
+        """Return True when a call has returned, or False if it does not return in time.
 
-        A call that begins late, on a busy machine, has the whole timeout from then on.
+        A call that begins late, on a busy machine, has the whole time from then on.
+
+        Args:
+            done: The call. Its exception is raised.
+            waits: Longest time, as a number of waits of `_WAIT`.
         """
         begun, left = False, waits
         with self._signal:

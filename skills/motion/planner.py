@@ -11,8 +11,8 @@ times the path; a timed motion does not leave its path:
     time       trapezoidal profile on a line, TOPP-RA on a curve
 
 A motion may start in a slight contact, if the robot file allows this, and may not deepen it. If the
-straight line would, or is not free, the motion first leaves the contact. If the goal is in the
-contact too, all stages ignore the links in contact, and a check of the finished plan follows.
+straight line would deepen it or is not free, the motion first leaves the contact. If the goal is in
+the contact too, all stages ignore the links in contact, and a check of the finished plan follows.
 
 `Planner.reach` solves inverse kinematics; `rest`, `carry` and `verify` answer the other requests.
 """
@@ -149,7 +149,7 @@ class Planner:
                 return _plan(query, validator, points, watch)
             with others.within(deadline):
                 apart = dataclasses.replace(validator, checker=others)
-                return _plan_out(query, contacts, apart, validator, points, watch)
+                return _plan_from_contacts(query, contacts, apart, validator, points, watch)
 
     def verify(self, request: Verify) -> None:
         """Check a motion as the board will play it: along straight lines from row to row.
@@ -252,7 +252,7 @@ def _without(robot: Robot, pairs: Pairs) -> Robot:
 
 
 def _plan(
-    query: Query, validator: MotionValidator, points: Array, watch: Stopwatch, out: int = 0
+    query: Query, validator: MotionValidator, points: Array, watch: Stopwatch, retracting: int = 0
 ) -> Plan:
     """Return a free motion through points of a group.
 
@@ -261,14 +261,14 @@ def _plan(
         validator: Checks motions of the group.
         points: Free start, via points and goal (K, J) [rad].
         watch: Measures each stage.
-        out: Number of first legs that leave contacts; they are free.
+        retracting: Number of first legs that leave contacts; they are free.
 
     Raises:
         Barred, NoPath, TooLong, PlanTimeout: A stage failed.
     """
     group, deadline = validator.group, validator.deadline
     velocity, acceleration = group.limits_at(query.speed)
-    for path in _paths(validator, points, query.seed, watch, out):
+    for path in _paths(validator, points, query.seed, watch, retracting):
         with watch.stage("time"):
             profile = time_curve(path[1], velocity, acceleration, group.most_acceleration)
         if profile:
@@ -295,7 +295,7 @@ def _plan(
     return plan
 
 
-def _plan_out(
+def _plan_from_contacts(
     query: Query,
     contacts: StartContacts,
     others: MotionValidator,
@@ -317,15 +317,16 @@ def _plan_out(
         Barred, NoPath, TooLong, PlanTimeout: A stage failed.
         ContactDeepened: The motion would deepen a contact, and no retraction from it was found.
     """
-    out = None
+    retraction = None
     with watch.stage("contacts"):
         direct = lines_leave_or_keep(contacts, others, points)
         if not direct and every.free_points(points[1:]).all():
-            out = retract(contacts, others, every, points[0])
-    if out is None:
+            retraction = retract(contacts, others, every, points[0])
+    if retraction is None:
         plan = _plan(query, others, points, watch)
     else:
-        plan = _plan(query, every, np.insert(points, 1, out, axis=0), watch, len(out))
+        points = np.insert(points, 1, retraction, axis=0)
+        plan = _plan(query, every, points, watch, len(retraction))
     with watch.stage("contacts"):
         rows = every.full(plan.sample(np.linspace(0.0, plan.duration, _SAMPLES)))
         if deeper := first_deeper(contacts, rows):
@@ -335,7 +336,7 @@ def _plan_out(
 
 
 def _paths(
-    validator: MotionValidator, points: Array, seed: int, watch: Stopwatch, out: int
+    validator: MotionValidator, points: Array, seed: int, watch: Stopwatch, retracting: int
 ) -> Iterator[tuple[Array, Curve]]:
     """Yield waypoints (N, J) [rad] and the free curve along them, best path first.
 
@@ -347,7 +348,7 @@ def _paths(
         points: Free start, via points and goal (K, J) [rad].
         seed: Seed of the search.
         watch: Measures each stage.
-        out: Number of first legs that leave contacts; they are free.
+        retracting: Number of first legs that leave contacts; they are free.
 
     Raises:
         Barred: There is no path.
@@ -359,7 +360,7 @@ def _paths(
         yield points[:1], Curve.point(points[0])
         return
     with watch.stage("straight"):
-        straight = [k < out or validator.line_is_free(*leg) for k, leg in enumerate(legs)]
+        straight = [k < retracting or validator.line_is_free(*leg) for k, leg in enumerate(legs)]
     if straight == [True]:
         yield np.array(legs[0]), Curve.line(*legs[0])
         return

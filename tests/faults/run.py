@@ -311,6 +311,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 if __name__ == "__main__":
+    status = 130
     with contextlib.suppress(KeyboardInterrupt):
         status = main()
     sys.exit(130 if INTERRUPTED.is_set() else status)

@@ -23,7 +23,7 @@ from trees.reading.specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNo
 from .arguments import MISSING
 from .data_flow import Keys
 from .leaf import Leaf
-from .move_words import as_positions, instead_of_width, wrong_units
+from .move_words import as_positions, instead_of_width, joints_by_name, wrong_units
 from .port_names import known_ports
 from .port_types import (
     declaration,
@@ -40,7 +40,6 @@ from .sources import Sources
 from .unknown_names import (
     TO_POSE,
     is_nothing,
-    joints_by_name,
     meant,
     meant_file,
     only_taker,

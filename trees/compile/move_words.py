@@ -1,8 +1,8 @@
-"""Words of `armtree move` in place of joint positions: widths of the gripper, and `joint_1=0`."""
+"""Joint positions in other words: those of `armtree move`, and names of joints beside angles."""
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -10,8 +10,12 @@ from hardware import BadPosition, Robot
 from trees.declarations import UNITS, Declaration
 from trees.errors import Correction, Place
 from trees.reading.document import Located, nested, scalar
+from trees.reading.grammar import TaskFile
+from trees.reading.lines import replaced_block
 from trees.reading.literals import as_pairs, fit, measured
-from trees.reading.specs import Value
+from trees.reading.specs import SubtreeNode, Value
+
+from .values_by_port import as_mapping, in_braces
 
 _WIDTH = re.compile(r"([0-9]*\.?[0-9]+) ?(mm|cm|m)")
 
@@ -22,12 +26,13 @@ def is_width(text: str) -> bool:
 
 
 def as_positions(value: Value, robot: Robot) -> Value:
-    """Return words of `armtree move`, or a list of angles, as the mapping that they mean.
+    """Return joint positions in other words as a mapping. Other values are unchanged.
 
-    So are names of joints beside their angles. Other values are unchanged.
+    Other words are those of `armtree move`, a list of angles, and names of joints in one value
+    beside the angles in another one.
     """
     if isinstance(value, Located) and len(nested(value)) == 2:
-        items = _by_name([*nested(value).values()], robot)
+        items = _paired([*nested(value).values()], robot)
         return replace(value, value=items) if items else value
     if isinstance(value, Located) and isinstance(value.value, list):
         joints = robot.actuated_in("arm") if "arm" in robot.groups else ()
@@ -45,13 +50,40 @@ def as_positions(value: Value, robot: Robot) -> Value:
     return replace(value, value=items) if items else value
 
 
-def _by_name(pair: Sequence[Located], robot: Robot) -> dict[str, Located]:
+def _paired(pair: Sequence[Located], robot: Robot) -> dict[str, Located]:
     """Return positions by joint, of one or several names of joints and their positions."""
     names, positions = (each.value if isinstance(each.value, list) else [each] for each in pair)
     joints = [joint.name for joint in robot.actuated]
     if len(names) != len(positions) or any(name.value not in joints for name in names):
         return {}
     return {str(name.value): each for name, each in zip(names, positions, strict=True)}
+
+
+def joints_by_name(
+    spec: SubtreeNode, source: TaskFile, what: str, robot: Robot, wrong: Callable[..., None]
+) -> Mapping[str, Value]:
+    """Report names of joints at one port and their positions at another one.
+
+    Args:
+        spec: Use of a subtree.
+        source: The subtree.
+        what: The subtree in words.
+        robot: The robot.
+        wrong: Receives place, message and correction of the mistake.
+
+    Returns:
+        The only port for positions, with them by joint; or the values as they are.
+    """
+    takers = [port for port, each in source.parameters.items() if each.type == "positions"]
+    whole = as_mapping(spec.values)
+    made = as_positions(whole, robot) if len(spec.values) == 2 else whole
+    if len(takers) != 1 or made is whole or not isinstance(made, Located):
+        return spec.values
+    written = f"{takers[0]}: {made.as_yaml()}"
+    first, *_ = spec.values.values()
+    right = in_braces(spec.values, f"{{{written}}}") or replaced_block(first.label, [written])
+    wrong(first.label, f"{what} takes positions by joint: write with: {{{written}}}", right)
+    return {takers[0]: made}
 
 
 def _at_width(width: str | float, robot: Robot) -> tuple[str, str] | None:
@@ -84,7 +116,7 @@ def wrong_units(value: Located, robot: Robot, wrong: Callable[..., None]) -> boo
 
 
 def instead_of_width(value: Located, robot: Robot) -> tuple[Place, str, Correction | None] | None:
-    """Return the mistake of a width in place of joint positions, or of that of the gripper.
+    """Return the mistake of a width in place of the joint positions, or of the gripper's.
 
     Args:
         value: Joint positions in a file.

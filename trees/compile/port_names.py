@@ -21,7 +21,7 @@ _OTHER_NAMES = {
     "position": {"pose", "xyz", "center", "location"},
     "size": {"dimensions", "scale"},
 }
-_OTHER_MEANING = {"diameter"}  # of the type of a port, a radius, but with another meaning
+_OTHER_MEANING = {"diameter"}  # it fits the port `radius`, but would be half as large there
 
 
 def known_ports(

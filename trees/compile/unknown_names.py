@@ -1,7 +1,7 @@
 """Suggestions for skills, subtrees and tasks that do not exist."""
 
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import suppress
 
 from hardware import Robot
@@ -10,15 +10,14 @@ from skills import Skill
 from trees.errors import Correction, FileError
 from trees.nodes.kind import KINDS
 from trees.reading.document import Located
-from trees.reading.grammar import TaskFile
 from trees.reading.library import Library
-from trees.reading.lines import replaced_block, rewritten
+from trees.reading.lines import rewritten
 from trees.reading.literals import as_pairs
 from trees.reading.node_words import synonyms
 from trees.reading.specs import SkillNode, SubtreeNode, Value
 
 from .move_words import as_positions, is_width
-from .values_by_port import as_mapping, fits, in_braces
+from .values_by_port import as_mapping, fits
 
 TO_POSE, TO_POINT = "move_joints", "move_tool"  # shipped subtrees that move
 # Shipped subtrees by their names in the languages of other robots.
@@ -207,19 +206,3 @@ def why_unknown(skill: str, skills: Collection[str], subtrees: Collection[str]) 
 def is_nothing(value: Value) -> bool:
     """Return True if nothing is written after a colon."""
     return isinstance(value, Located) and value.value is None
-
-
-def joints_by_name(
-    spec: SubtreeNode, source: TaskFile, what: str, robot: Robot, wrong: Callable[..., None]
-) -> Mapping[str, Value]:
-    """Report names of joints and positions at two ports. Return one port with the positions."""
-    takers = [port for port, each in source.parameters.items() if each.type == "positions"]
-    whole = as_mapping(spec.values)
-    made = as_positions(whole, robot) if len(spec.values) == 2 else whole
-    if len(takers) != 1 or made is whole or not isinstance(made, Located):
-        return spec.values
-    written = f"{takers[0]}: {made.as_yaml()}"
-    first, *_ = spec.values.values()
-    right = in_braces(spec.values, f"{{{written}}}") or replaced_block(first.label, [written])
-    wrong(first.label, f"{what} takes positions by joint: write with: {{{written}}}", right)
-    return {takers[0]: made}

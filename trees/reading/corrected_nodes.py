@@ -36,11 +36,8 @@ def node_instead(value: Located, in_turn: str) -> Correction | None:
         return replaced_block(value.place, _as_selector(keys))
     other = next((key for key in ("on_failure", "except", "catch", "then") if key in keys), "")
     first = {key: each for key, each in keys.items() if key not in (other, "name")}
-    if (
-        other
-        and "if" not in first
-        and sum(map(begins_node, {*first} - {"try"})) == 1 - ("try" in first)
-    ):
+    heads = [key for key in first if key == "try" or begins_node(key)]
+    if other and "if" not in first and len(heads) == 1:
         own = first.get("try", Located(value.place, first, value.place))
         nodes = [_as_node(own), _as_node(keys[other])]
         head = f"{in_turn}:" if other == "then" else "selector:"

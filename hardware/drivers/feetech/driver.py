@@ -24,7 +24,7 @@ _RATE, _MOST_RATE = 50.0, 100.0  # [Hz]
 _LOST_ANSWERS = 5  # lost answers of a servo in a row that are a fault
 # Largest total step of one frame at the default rate [ticks]; six servos at top speed need 408.
 _MAX_STEP = 400
-_GRAVITY = 0.2  # load of a joint of the model, as a part of the largest torque
+_GRAVITY = 0.2  # load of a joint of the model, as a share of the largest torque
 
 _WORDS = Words(
     board="servo bus",

@@ -33,9 +33,9 @@ def lines_leave_or_keep(contacts: StartContacts, others: MotionValidator, points
 def retract(
     contacts: StartContacts, others: MotionValidator, every: MotionValidator, start: Array
 ) -> Array | None:
-    """Return waypoints after the start, at the last of which no links are in contact.
+    """Return waypoints that lead from the start out of all contacts.
 
-    The lines between the waypoints are free, and deepen no contact.
+    The lines from the start through the waypoints are free, and deepen no contact.
 
     Args:
         contacts: Contacts of the start.
@@ -44,7 +44,7 @@ def retract(
         start: The start (J,) [rad].
 
     Returns:
-        The waypoints (K, J) [rad], or None if there are none within `_MAX_STEPS` steps.
+        The waypoints without the start (K, J) [rad], or None if `_MAX_STEPS` steps do not suffice.
 
     Raises:
         PlanTimeout: The deadline passed.

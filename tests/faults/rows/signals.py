@@ -221,9 +221,10 @@ def reached(model: Sketch, frames: Sequence[Read], when: float) -> list[int]:
 
 
 class Stopped(NamedTuple):
-    """A motion that was stopped: the frames of it that the board read, and times [s, monotonic].
+    """A motion that was stopped. Times are those of the monotonic clock [s].
 
     Attributes:
+        frames: Its frames that the board has read.
         when: When the stop was sent.
         late: By how much the board read a frame later than it was sent, after the stop [s].
     """

@@ -7,7 +7,7 @@
  */
 
 const KEY = "armtree-token";
-const TIMEOUT = 10_000; // longest time for an answer, so that what waits for it goes on [ms]
+const TIMEOUT = 10_000; // a request fails after this time without an answer [ms]
 const RETRY = 1000; // after a request without an answer [ms]
 
 /** Cookies of other programs on this machine could make a stop too long to be served first. */

@@ -61,7 +61,7 @@ export class Connection extends EventTarget {
     this.refresh();
   }
 
-  /** Ask for the status now, and then once a period; before, whether there is an arm. */
+  /** Ask for the status now, and then once a period. The first request asks whether there is an arm. */
   async refresh() {
     clearTimeout(this.#timer);
     try {

@@ -42,7 +42,7 @@ class _Settings:
         zones: Its dead zones below and above the goal [ticks].
         speed: Largest speed [ticks/s].
         acceleration: Largest acceleration [ticks/s2].
-        effort: Largest torque, as a part of the series' largest torque.
+        effort: Largest torque, as a share of the series' largest torque.
         voltages: Smallest and largest voltage [0.1 V].
         hottest: Largest temperature [C].
     """
@@ -67,7 +67,7 @@ class Servo:
         series: Its series.
         servo: Its id.
         position: Its position [ticks].
-        gravity: Load of holding the arm in the middle, as a part of the largest torque.
+        gravity: Load of holding the arm in the middle, as a share of the largest torque.
 
     Attributes:
         blocked: True if it cannot move. It then pushes with its full torque.
@@ -271,7 +271,7 @@ class Servo:
             self._stalled = 0.0
 
     def _held(self) -> float:
-        """Return the load of gravity, as a part of the largest torque."""
+        """Return the load of gravity, as a share of the largest torque."""
         angle = math.radians((self._position / self.series.ticks - 0.5) * self.series.turn)
         return self._gravity * math.cos(angle) if self._set().torque else 0.0
 
