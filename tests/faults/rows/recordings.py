@@ -110,7 +110,7 @@ def change(scene: Scene) -> None:
     for each in found:
         scene.check(not each["holds"], f"{each['path']} holds")
         scene.check(
-            each["code"] in ("log.truncated", "log.unreadable", "replay.differs")
+            each["code"] in ("log.truncated", "log.unreadable", "replay.differs", "file.robot")
             or not all(verdict["holds"] for verdict in each["verdicts"]),
             f"{each['path']} ends with {each['code']}",
         )
