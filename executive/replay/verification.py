@@ -7,11 +7,12 @@ recorded queries, planned again, must give the recorded plans.
 import json
 import os
 import signal
+import threading
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
 from pathlib import Path
 
 from executive.errors import ReplayDiffers
@@ -143,11 +144,24 @@ def verify_all(paths: Sequence[Path], jobs: int) -> Iterator[Verification]:
     """
     # One thread, as in the planners of a run, because then sums always have the same order.
     os.environ |= {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    pool = ProcessPoolExecutor(min(jobs, len(paths)), get_context("spawn"))
+    processes = min(jobs, len(paths)), get_context("spawn")
+    pool = ProcessPoolExecutor(*processes, initializer=_end_with_parent)
     try:
         yield from _without_ctrl_c(pool, paths)
     finally:
         pool.shutdown(cancel_futures=True)
+
+
+def _end_with_parent() -> None:
+    """Let this process end when its parent is killed. It would wait for the next path for ever."""
+    parent = parent_process()
+    assert parent
+
+    def wait() -> None:
+        parent.join()
+        os.kill(os.getpid(), signal.SIGKILL)
+
+    threading.Thread(target=wait, daemon=True).start()
 
 
 def _without_ctrl_c(pool: ProcessPoolExecutor, paths: Sequence[Path]) -> Iterator[Verification]:

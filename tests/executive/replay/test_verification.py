@@ -1,8 +1,12 @@
 """Verification: runs with any outcome hold, and every change is found with its source."""
 
 import multiprocessing
+import os
 import re
+import select
 import signal
+import subprocess
+import sys
 from collections.abc import Callable
 from itertools import count
 from pathlib import Path
@@ -351,6 +355,28 @@ def test_ctrl_c_does_not_reach_the_processes_that_verify(rig: RigMaker) -> None:
     blocked = int(re.findall(r"SigBlk:\s+(\w+)", status)[0], 16)
     assert blocked & 1 << signal.SIGINT - 1
     assert list(verifications) == []
+
+
+VERIFIES = """
+import multiprocessing, sys
+from pathlib import Path
+from executive.replay.verification import verify_all
+verifications = verify_all([Path(sys.argv[1])], 1)
+next(verifications)
+print(multiprocessing.active_children()[0].pid, flush=True)
+sys.stdin.read()
+"""
+
+
+def test_the_processes_that_verify_end_with_a_killed_parent(rig: RigMaker) -> None:
+    command = [sys.executable, "-c", VERIFIES, picked(rig())]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as parent:
+        assert parent.stdout
+        worker = os.pidfd_open(int(parent.stdout.readline()))
+        parent.kill()
+    ended = select.select([worker], [], [], 20.0)[0]
+    os.close(worker)
+    assert ended == [worker]
 
 
 AROUND = """task: 7
