@@ -369,7 +369,7 @@ sys.stdin.read()
 
 
 def test_the_processes_that_verify_end_with_a_killed_parent(rig: RigMaker) -> None:
-    command = [sys.executable, "-c", VERIFIES, picked(rig())]
+    command = sys.executable, "-c", VERIFIES, str(picked(rig()))
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as parent:
         assert parent.stdout
         worker = os.pidfd_open(int(parent.stdout.readline()))
