@@ -381,10 +381,9 @@ HOLD = """() => {
 }"""
 
 
-def test_goals_wait_and_are_canceled_from_the_list(browser: Any, serve: Serve) -> None:
+def test_goals_wait_and_are_canceled_from_the_list(open_page: Open, serve: Serve) -> None:
     served = serve(Policy.QUEUE)
-    tab = browser.new_context().new_page()
-    tab.goto(served.server.sign_in.link())
+    tab = open_page(served.server.sign_in.link())
     shows(tab, "#policy", "others wait for its end")
     tab.evaluate(HOLD)
     goals = [served.executive.send(10).identity for _ in range(3)]
