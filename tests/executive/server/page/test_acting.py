@@ -385,9 +385,10 @@ def test_goals_wait_and_are_canceled_from_the_list(open_page: Open, serve: Serve
     served = serve(Policy.QUEUE)
     tab = open_page(served.server.sign_in.link())
     shows(tab, "#policy", "others wait for its end")
+    shows(tab, "#tasks", "wait")  # no list is under way then
     tab.evaluate(HOLD)
     goals = [served.executive.send(10).identity for _ in range(3)]
-    shows(tab, "#waiting", "a goal, waiting")
+    shows(tab, "#waiting", "(a goal|task 10 wait), waiting")
     tab.evaluate("release()")
     shows(tab, "#waiting", "task 10 wait, waiting")
     tab.click("#waiting li:nth-child(2) button")
