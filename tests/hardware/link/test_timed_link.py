@@ -61,14 +61,14 @@ def test_a_driver_that_does_not_return_is_a_stalled_port_and_sends_nothing_later
 
 def test_a_write_that_begins_late_has_its_whole_deadline(monkeypatch: pytest.MonkeyPatch) -> None:
     """As on a busy machine. Else its bytes would be sent after the fault."""
-    monkeypatch.setattr("hardware.link.timed_link._WAIT", 0.02)  # so the deadline is 0.2 s
+    monkeypatch.setattr("hardware.link.timed_link._WAIT", 0.06)  # so the deadline is 0.6 s
     driver = Stuck()
     link = TimedLink(driver, RealClock())
     begin = link._run
 
     def begin_late(*call: Any) -> None:
-        time.sleep(0.15)  # noqa: TID251, the writer gets no processor time
-        threading.Timer(0.15, driver.leave.set).start()
+        time.sleep(0.35)  # noqa: TID251, the writer gets no processor time
+        threading.Timer(0.35, driver.leave.set).start()
         begin(*call)
 
     monkeypatch.setattr(link, "_run", begin_late)

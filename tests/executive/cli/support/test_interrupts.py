@@ -45,7 +45,7 @@ with Interrupts("last words", Clock()) as interrupts:
 
 @contextmanager
 def started(program: str, first: str) -> Iterator[tuple["subprocess.Popen[str]", IO[str]]]:
-    """A process whose first line was printed, and its output."""
+    """A process that has printed its first line, and its output."""
     command = [sys.executable, "-c", program]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, cwd=ROOT) as process:
         assert process.stdout
