@@ -5,8 +5,6 @@ from pathlib import Path
 
 import click
 
-from executive.api.codes import INTERRUPTED_EXIT
-
 from .settings import option
 from .support.command_group import command
 from .support.options import robot_option
@@ -61,7 +59,6 @@ def ros2(ros_arguments: tuple[str, ...], robot: Path | None, server: str) -> Non
     if not stays:
         echo("Programs on other machines can find this node, and move the arm.", err=True)
     try:
-        asyncio.run(run(server, load_robot(robot), ros_arguments))
+        sys.exit(128 + asyncio.run(run(server, load_robot(robot), ros_arguments)))
     except BadRosArguments as error:
         raise click.UsageError(f"ROS refuses its arguments: {error}") from error
-    sys.exit(INTERRUPTED_EXIT)

@@ -18,28 +18,33 @@ _NO_ACTION = (
 )
 
 
-async def run(url: str, robot: Robot, arguments: Sequence[str] = ()) -> None:
+async def run(url: str, robot: Robot, arguments: Sequence[str] = ()) -> int:
     """Run the node until Ctrl-C or SIGTERM. Then cancel the goals that it sent.
 
     Args:
         url: URL of the server of the arm.
         robot: Robot of the arm.
         arguments: Arguments for ROS.
+
+    Returns:
+        Number of the signal.
     """
-    ended, loop = asyncio.Event(), asyncio.get_running_loop()
+    signals, loop = asyncio.Queue[int](), asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):
-        loop.add_signal_handler(number, ended.set)
+        loop.add_signal_handler(number, signals.put_nowait, number)
     async with Node(arguments) as node, Bridge(url, robot, node.log) as bridge:
         _serve_action(node, bridge)
         HardwareLifecycle(node, bridge)
         Triggers(node, bridge)
-        parts = (bridge.run(), bridge.follow_tasks(), Joints(node, bridge).run(), ended.wait())
-        tasks = [node.spinning, *map(asyncio.ensure_future, parts)]
+        parts = (bridge.run(), bridge.follow_tasks(), Joints(node, bridge).run())
+        signal_read = asyncio.ensure_future(signals.get())
+        tasks = [node.spinning, signal_read, *map(asyncio.ensure_future, parts)]
         try:
             done, _ = await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
             for task in done:
                 task.result()  # raises the errors of bugs
             await bridge.end()
+            return signal_read.result()
         finally:
             for task in tasks[1:]:
                 task.cancel()
