@@ -36,7 +36,7 @@ from tests.faults.row import Row, Scene, inject, verify  # noqa: E402
 HERE = Path(__file__).parent
 PAGE = ROOT / "docs" / "faults.md"
 SOAK = "\n## Soak\n"  # the last section of the page
-JOBS = 2
+JOBS = 3
 
 
 @dataclasses.dataclass(frozen=True)

@@ -26,7 +26,7 @@ T = TypeVar("T")
 HOSTILE = Path(__file__).parents[1] / "means" / "hostile.py"
 CLIENTS = 80
 GOALS = 8  # per flood
-STOPS = 12  # per goal: one in motion, and more while nothing moves
+STOPS = 14  # per goal: one in motion, and more while nothing moves
 SERVED = 80  # times that the clients are served before the first goal, and during the goals
 MEMORY = 20  # that a server may take more in a flood [MiB]
 
