@@ -42,13 +42,12 @@ def job_text(found: Job | JobRecord) -> str:
 
 
 def arms_table(rows: "Sequence[ArmRow]") -> list[str]:
-    """Return the lines of a table of arms. It shows the first eight digits of the id of a job."""
+    """Return the lines of a table of arms."""
     if not rows:
         return ["no arm has joined; armtree serve --fleet URL --name NAME adds one"]
     table = [("ARM", "STATE", "JOB", "LAST", "SERVER")]
     for row in rows:
         known = row.to_json()
-        known["job"] = known["job"][:8]
         arm, state, job, last, url = (
             str(known[name]) or "-" for name in ("arm", "state", "job", "last", "url")
         )
