@@ -133,9 +133,10 @@ class FleetClient:
         if not await self._is_served(pool):
             served = {arm.partition(".")[0] for arm in await self._fleet.values(Presence)}
             raise PoolNotServed(pool, sorted(served))
-        # The queue knows the ids of an hour, and the records know the ids of a week.
-        if identity and await self._fleet.get(JobRecord, identity):
-            raise DuplicateJob(identity)
+        if identity:  # NATS knows the id of a message for an hour only
+            with suppress(UnknownJob):
+                await self.job(identity)
+                raise DuplicateJob(identity)
         if await publish(self._fleet, job):
             raise DuplicateJob(chosen)
         return job

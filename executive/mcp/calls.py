@@ -15,7 +15,7 @@ from executive.api.outcome import GoalStatus, cause_of
 from executive.client.asynchronous import AsyncClient
 from executive.client.held_goals import Connect, HeldGoals, Send
 from executive.client.values import PlannedTask, Task
-from executive.errors import Forbidden, NotExecuting, Refused, ServerLost, ServerUnreachable
+from executive.errors import NotExecuting, Refused, ServerLost, ServerUnreachable
 from hardware import Robot, State
 from hardware.printable import plural
 from trees import UnknownTask
@@ -27,13 +27,10 @@ from .words import arguments_schema, goal_words, run_lines
 
 Content = list[TextContent | ImageContent]
 
-_ACTIVATE = "The arm may move when its port is opened. Is the space around it free? Activate it?"
 _BY_HAND = (
-    "a person must confirm this, and this client cannot ask one",
-    "ask them to press Activate on the page (`armtree view`), or to type `armtree arm activate`",
+    "-> only a person activates it: ask them to press Activate on the page (`armtree view`), or to "
+    "type `armtree arm activate`"
 )
-_SET_UP = "a person can make it inactive on the page (`armtree view`), or with `armtree arm`"
-_YES, _NO = "yes, activate it", "no"
 
 
 class NotDone(Exception):
@@ -147,6 +144,8 @@ class Calls:
     async def arm_state(self) -> str:
         status, where = await asyncio.gather(self._client.status(), self._client.where())
         lines = [f"arm {status.arm}" + ("" if status.commanded else ": it cannot run tasks now")]
+        if status.arm is State.INACTIVE:
+            lines += [_BY_HAND]
         if status.fault:
             lines += [f"fault: {status.fault}", f"-> {status.fault.hint}"]
         if where.commanded:
@@ -159,27 +158,6 @@ class Calls:
             doing = "PAUSED" if status.paused else " ".join((status.phase, status.node)).strip()
             lines += [doing, await self._goal_words(status.goal)]
         return "\n".join(lines)
-
-    async def activate_arm(self, pose: str | None = None) -> str:
-        status = await self._client.status()
-        state, stops = status.arm, status.stops
-        if state is State.ACTIVE:
-            return "arm active already; nothing was done"
-        if state is not State.INACTIVE:
-            raise Forbidden(
-                f"the arm is {state.value}, and only an inactive one is activated", _SET_UP
-            )
-        if not self._person.can_answer:
-            raise Forbidden(*_BY_HAND)
-        if (asked := self._person.state.get("stops")) is not None:
-            words, stops = self._person.answer, asked  # a stop after the question counts
-        else:
-            words = await self._person.ask(_ACTIVATE, (_YES, _NO), {"stops": stops})
-        if words != _YES:
-            raise Forbidden(
-                "the person did not confirm the activation", "activate it only after they do"
-            )
-        return f"arm {await self._client.arm('activate', pose, stops)}"
 
     async def list_recordings(
         self, limit: int = 10, task: int | None = None, state: str = ""

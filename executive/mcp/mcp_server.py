@@ -55,8 +55,8 @@ _MAX_ARGUMENTS = 48 * 1024  # largest arguments [bytes]; the arm's server accept
 _MAX_BODY = 256 * 1024  # largest request over HTTP [bytes]
 _MAX_SESSIONS = 16
 _INSTRUCTIONS = (
-    "Tools of a real robot arm. Check or plan a task before you run it. run_task, resume and "
-    "activate_arm may move the arm: tell the person first. If anything looks wrong, call stop."
+    "Tools of a real robot arm. Check or plan a task before you run it. run_task and resume may "
+    "move the arm: tell the person first. If anything looks wrong, call stop."
 )
 
 _Context = ServerRequestContext[Any, Any]

@@ -99,12 +99,6 @@ TOOLS = (
         limited=False,
     ),
     _read("arm_state", "Return the state of the arm: whether it may move, where it is, faults."),
-    _move(
-        "activate_arm",
-        "Open the port of the arm, so that it can run tasks. THIS MAY MOVE THE ARM. A person must "
-        "confirm.",
-        {"pose": s.START_POSE},
-    ),
     _read(
         "list_recordings",
         "List the last runs, the newest first, with how each ended.",

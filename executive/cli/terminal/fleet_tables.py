@@ -42,17 +42,16 @@ def job_text(found: Job | JobRecord) -> str:
 
 
 def arms_table(rows: "Sequence[ArmRow]") -> list[str]:
-    """Return the lines of a table of arms. It shows the first eight digits of the id of a job."""
+    """Return the lines of a table of arms."""
     if not rows:
         return ["no arm has joined; armtree serve --fleet URL --name NAME adds one"]
-    table = [("ARM", "STATE", "JOB", "LAST", "SERVER")]
+    table = [("ARM", "STATE", "LAST", "SERVER", "JOB")]
     for row in rows:
         known = row.to_json()
-        known["job"] = known["job"][:8]
-        arm, state, job, last, url = (
-            str(known[name]) or "-" for name in ("arm", "state", "job", "last", "url")
+        arm, state, last, url, job = (
+            str(known[name]) or "-" for name in ("arm", "state", "last", "url", "job")
         )
-        table.append((arm, state, job, last, url))
+        table.append((arm, state, last, url, job))
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     return ["  ".join(map(str.ljust, line, widths)).rstrip() for line in table]
 

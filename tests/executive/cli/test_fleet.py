@@ -195,8 +195,8 @@ def test_arms_and_jobs_are_lines() -> None:
     member = Member("bench.arm-7", "http://arm:8765", "arm", "b" * 32, 1)
     rows = [ArmRow(member, Presence("b" * 32, "busy", "a" * 32, "ok", 3)), ArmRow(member, None)]
     _, busy, gone = arms_table(rows)
-    assert busy.split() == ["bench.arm-7", "busy", "a" * 8, "ok", "http://arm:8765"]
-    assert gone.split() == ["bench.arm-7", "gone", "-", "-", "http://arm:8765"]
+    assert busy.split() == ["bench.arm-7", "busy", "ok", "http://arm:8765", "a" * 32]
+    assert gone.split() == ["bench.arm-7", "gone", "-", "http://arm:8765", "-"]
     assert rows[1].to_json()["state"] == "gone"
     assert job_text(JOB) == f"{JOB.identity}  QUEUED     task wave for bench, normal"
     assert job_text(RECORD) == f"{JOB.identity}  CLAIMED    task wave on bench.arm-7"

@@ -13,10 +13,11 @@ from nats.js import JetStreamContext
 from nats.js.api import ConsumerInfo
 
 from executive.fleet.connection import GONE, JOBS, Fleet, consumer_of, job_subject, open_fleet
+from executive.fleet.errors import DuplicateJob
 from executive.fleet.fleet_client import FleetClient, publish
 from executive.fleet.job_requests import JobRequests
 from executive.fleet.nats_server import NatsOptions, nats_server
-from executive.fleet.values import Job
+from executive.fleet.values import Job, Presence, to_bytes
 from hardware import RealClock
 from tests.support.servers.free_port import free_port
 
@@ -90,6 +91,18 @@ def test_a_request_that_is_repeated_brings_one_job_at_a_time(tmp_path: Path) -> 
                     found.append(message.subject.split(".")[-1])
                     await message.ack()
             assert sorted(found) == [HIGH.identity, LOW.identity]
+
+    asyncio.run(main())
+
+
+def test_the_id_of_a_queued_job_is_refused_though_nats_has_forgotten_it(tmp_path: Path) -> None:
+    async def main() -> None:
+        async with requesting(tmp_path) as (fleet, _):
+            await fleet.alive.put("bench.arm", to_bytes(Presence("e" * 32, "busy")))
+            subject = job_subject("bench", "high", HIGH.identity)
+            await fleet.stream.publish(subject, to_bytes(HIGH))  # without a message id
+            with pytest.raises(DuplicateJob):
+                await FleetClient(fleet, CLOCK).send(1, "bench", {}, HIGH.identity)
 
     asyncio.run(main())
 

@@ -141,10 +141,10 @@ def test_over_standard_input_and_output(process: Server, tmp_path: Path) -> None
         offered = {each.name: each.annotations for each in (await caller.client.list_tools()).tools}
         assert [*offered] == [each.name for each in TOOLS]
         dangerous = {name for name, hints in offered.items() if hints and hints.destructive_hint}
-        assert dangerous == {"run_task", "resume", "activate_arm"}
+        assert dangerous == {"run_task", "resume"}
         assert "inactive: it cannot run tasks" in await caller.good("arm_state")
         assert "is inactive" in await caller.bad("run_task", task="far")
-        assert await caller.good("activate_arm") == "arm active"
+        await asyncio.to_thread(process.post, "/api/arm/activate")
         assert '"task": 15, "name": "far"' in await caller.good("list_tasks")
         described = json.loads(await caller.good("describe_task", task="far"))
         base = described["arguments"]["properties"]["base"]
@@ -153,9 +153,8 @@ def test_over_standard_input_and_output(process: Server, tmp_path: Path) -> None
         assert "task 15 SUCCEEDED" in done
         assert caller.progress == sorted(set(caller.progress))
         assert caller.progress[-1] == 100
-        assert "Free?" not in "".join(caller.asked)
         assert "task 14 SUCCEEDED" in await caller.good("run_task", task="ask")
-        assert caller.asked[1:] == ["The task asks: Free?"]
+        assert caller.asked == ["The task asks: Free?"]
         running = asyncio.create_task(caller.bad("run_task", task="wait"))
         goal = await under_way(process)
         assert await caller.good("stop") == f"stopped; canceled {goal}"
@@ -247,48 +246,17 @@ def test_the_first_of_two_answers_counts(serve: Serve, mode: str) -> None:
     drive(Late(make_server(served.server.url), "no", mode), act)
 
 
-@pytest.mark.parametrize("mode", ERAS)
-def test_only_a_person_activates_the_arm(serve: Serve, mode: str) -> None:
+def test_no_tool_activates_the_arm(serve: Serve) -> None:
     served = serve(active=False)
-    server = make_server(served.server.url)
+    given = {"task": "ask", "recording": "x.mcap", "to": ["joint_1=5deg"]}
 
-    async def refused(caller: Caller) -> None:
-        assert "confirm" in await caller.bad("activate_arm")
-
-    for answer in (None, "", "no"):
-        drive(Caller(server, answer, mode), refused)
-        assert served.executive.status().arm == "inactive"
-
-    async def confirmed(caller: Caller) -> None:
-        assert await caller.good("activate_arm") == "arm active"
-        assert await caller.good("activate_arm") == "arm active already; nothing was done"
-        assert len(caller.asked) == 1
-
-    drive(Caller(server, "yes", mode), confirmed)
-    served.executive.arm_to("deactivate")
-    served.executive.arm_to("cleanup")
-
-    async def early(caller: Caller) -> None:
-        assert "the arm is unconfigured" in await caller.bad("activate_arm")
+    async def act(caller: Caller) -> None:
+        for each in (*TOOLS, MOVE):
+            await caller.call(each.name, **{name: given[name] for name in each.required})
+        assert "only a person activates it" in await caller.good("arm_state")
         assert caller.asked == []
 
-    drive(Caller(server, "yes", mode), early)
-
-
-@pytest.mark.parametrize("mode", ERAS)
-def test_a_stop_while_the_person_is_asked_wins_over_the_activation(serve: Serve, mode: str) -> None:
-    served = serve(active=False)
-
-    class Stopper(Caller):
-        async def _elicit(self, context: object, params: Any) -> ElicitResult:
-            served.executive.cancel()
-            return await super()._elicit(context, params)
-
-    async def stopped(caller: Caller) -> None:
-        assert "the arm was stopped" in await caller.bad("activate_arm")
-        assert served.executive.status().arm == "inactive"
-
-    drive(Stopper(make_server(served.server.url), "yes", mode), stopped)
+    drive(Caller(make_server(served.server.url, allow_move=True), "yes"), act)
 
 
 def test_the_goal_of_a_canceled_call_or_of_a_client_that_left_is_canceled(serve: Serve) -> None:
@@ -352,7 +320,6 @@ HOSTILE: list[tuple[str, dict[str, Any]]] = [
     ("goal_state", {"goal_id": "f" * 32}),
     ("pause", {"goal_id": "f" * 32}),
     ("resume", {"goal_id": "\x00" * 32}),
-    ("activate_arm", {"pose": "last; activate"}),
     ("activate_arm", {"confirmed": True}),
     ("explain_run", {"recording": "../../etc/passwd"}),
     ("explain_run", {"recording": "../../../etc/passwd.mcap"}),
@@ -395,10 +362,10 @@ def test_a_flood_is_refused_and_a_stop_is_not(serve: Serve) -> None:
     async def act(caller: Caller) -> None:
         running = asyncio.create_task(caller.bad("run_task", task="wait"))
         goal = await executing(served)
-        calls, now = [caller.call("goal_state") for _ in range(200)], RealClock().now
+        calls, now = [caller.call("goal_state") for _ in range(60)], RealClock().now
         begin = now()
         refused = [words(each) for each in await asyncio.gather(*calls) if each.is_error]
-        accepted = 200 - len(refused)
+        accepted = 60 - len(refused)
         assert BURST - 1 <= accepted <= BURST + RATE * (now() - begin)
         assert [each for each in refused if "only stop is not limited" not in each] == []
         assert await caller.good("stop") == f"stopped; canceled {goal}"
