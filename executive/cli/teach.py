@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from executive.api.events import Where
     from trees.writing.taught_task import TaughtTask
 
-    from .jogging.arms import OwnArm
+    from .jogging.arms import JogArm, OwnArm
     from .jogging.model import KeyCommand
-    from .jogging.screen import Act, JogArm
+    from .jogging.screen import Act
 
 _ACTIVATE = "activate it: `armtree arm activate`"
 _MEASURES_NOTHING = "This arm's servos measure nothing, so it cannot be moved by hand"
