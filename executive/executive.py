@@ -554,4 +554,4 @@ class Executive:
 
 
 def _no_run(*_: float) -> None:
-    """Do nothing, because every run has its own context."""
+    """Do nothing. Each run replaces this in its own context."""

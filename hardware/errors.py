@@ -194,7 +194,7 @@ class PortDenied(LinkError):
     """The user has no permission to open the serial port."""
 
     code = "hw.port_denied"
-    hint = "join the group of the port"
+    hint = "join the group that owns the port, then log in again"
 
     def __init__(self, port: str, group: str) -> None:
         super().__init__(

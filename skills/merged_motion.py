@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from hardware import Robot, Schedule, servo_path
+from hardware import Robot, Schedule, compile_schedule, servo_path
 
 from .errors import StartMoved
 from .motion.query import Rest, Verify
@@ -49,6 +49,10 @@ class MergedMotion:
             begins += 0.0 if together else plan.duration
         ends = [begin + plan.duration for begin, _, plan in self._plans]
         self.duration = max(ends, default=0.0)
+
+    def compile(self) -> Schedule:
+        """Return the frames of the motion. Raises the errors of `compile_schedule`."""
+        return compile_schedule(self._robot, self._start, self.sample, self.duration)
 
     def rest(self, time: float, start: tuple[float, ...]) -> list[Plan | Rest]:
         """Return the rest of the motion: whole plans, and requests to time partial plans again.

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from py_trees.common import Status
 
-from hardware import Playback, PlaybackState, Robot, Schedule, compile_schedule
+from hardware import Playback, PlaybackState, Robot, Schedule
 
 from .base import Skill
 from .context import Scheduled
@@ -102,11 +102,10 @@ class StreamedMotion(Skill, register=False):
         Raises:
             StartMoved: The plans begin at another position.
         """
-        robot = self.context.robot
-        merged = MergedMotion(robot, start, plans, together)
+        merged = MergedMotion(self.context.robot, start, plans, together)
         if not merged.begins_at(start):
             raise StartMoved("the arm was moved after it was planned; plan again")
-        return compile_schedule(robot, start, merged.sample, merged.duration), merged
+        return merged.compile(), merged
 
     def _check(
         self, schedule: Schedule, motion: MergedMotion | None, resumed: float | None

@@ -3,7 +3,6 @@
 import os
 import threading
 from collections import deque
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from .declarations import UNITS, Declaration
 from .errors import FileError, TreeError, UnknownTask
 from .export.node_table import node_table
 from .reading.document import read_text
-from .reading.library import Library, with_robot
+from .reading.library import Library, shipped_folders, with_robot
 
 KEPT = 16  # largest number of snapshots; older ones are dropped
 
@@ -25,7 +24,6 @@ class _Snapshot:
     """The texts of all files at one moment.
 
     Args:
-        shipped: Folders of the files that ship.
         own: The user's folder, or None.
         robot: Name of the robot.
         before: The last snapshot. Unchanged files are not read again.
@@ -35,15 +33,9 @@ class _Snapshot:
         nodes: The table of all nodes of each compiled task, by number.
     """
 
-    def __init__(
-        self,
-        shipped: Sequence[Path],
-        own: Path | None,
-        robot: str,
-        before: "_Snapshot | None" = None,
-    ) -> None:
+    def __init__(self, own: Path | None, robot: str, before: "_Snapshot | None" = None) -> None:
         self.own = own
-        folders = [*shipped, *(with_robot(own, robot) if own else ())]
+        folders = [*shipped_folders(robot), *(with_robot(own, robot) if own else ())]
         self._stamps = {folder: _stamp(folder) for folder in folders}
         self._texts: dict[Path, str | FileError] = {}
         self._errors: dict[tuple[int, bool], TreeError | None] = {}
@@ -119,11 +111,11 @@ class LiveLibrary:
     """
 
     def __init__(self, folder: Path | None, robot: Robot, default: Path | None = None) -> None:
-        library = Library(folder, robot.name)
         self._robot, self._lock = robot, threading.Lock()
-        self._folder, self._shipped = library.folder, library.shipped
-        self._default = default if folder is None else None
-        first = _Snapshot(self._shipped, self.folder, robot.name)
+        self._folder, self._default = folder, default if folder is None else None
+        first = _Snapshot(self.folder, robot.name)
+        if folder:
+            self._folder = first.own = first.library.folder  # None for the one that ships
         self._snapshots = deque([first], KEPT)  # newest first
         self._rows: tuple[_Snapshot, list[dict[str, Any]]] | None = None
 
@@ -198,7 +190,7 @@ class LiveLibrary:
         """Return the snapshots, newest first. Makes a new one if a file has changed."""
         folder, last = self.folder, self._snapshots[0]
         if folder != last.own or not last.is_current:
-            now = _Snapshot(self._shipped, folder, self._robot.name, last)
+            now = _Snapshot(folder, self._robot.name, last)
             self._snapshots.appendleft(now)
         return self._snapshots
 

@@ -76,7 +76,7 @@ class Status:
     """Status of the executive at one moment.
 
     Attributes:
-        arm: State of the hardware. It equals its name, such as `active`.
+        arm: State of the hardware. It can be compared with its name, such as `active`.
         fault: Fault that took the arm out of *active*; None after the next activation.
         port: Serial port of the board; empty if there is none.
         commanded: Last commanded position by joint [rad]; None if the arm is not active.

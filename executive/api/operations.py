@@ -412,7 +412,7 @@ _ROWS = (
     _change_recording(
         "/pin",
         "pin_recording",
-        "Protect a recording from deletion, or no longer.",
+        "Protect a recording from deletion, or allow deletion.",
         s.RECORDING,
         on=s.described(s.BOOLEAN, "False to allow deletion; default true."),
     ),

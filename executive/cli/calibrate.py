@@ -1,7 +1,5 @@
 """`armtree calibrate`."""
 
-import os
-import select
 import shlex
 import shutil
 import sys
@@ -20,7 +18,7 @@ from .support.command_group import command
 from .support.failures import Refusal
 from .support.options import port_option, robot_option
 from .terminal.full_screen import FullScreen
-from .terminal.keyboard import ENTER, ask, key_by_key, keys_in
+from .terminal.keyboard import ENTER, ask, key_by_key, pressed_keys
 from .terminal.streams import echo
 
 if TYPE_CHECKING:
@@ -138,8 +136,7 @@ def _show_ranges(calibrator: "Calibrator") -> None:
             title = "Turn every joint by hand from end to end, then press Enter. q leaves."
             width = shutil.get_terminal_size().columns
             screen.draw(line[:width] for line in (title, "", *_table(rows), "", note))
-            ready, _, _ = select.select([keyboard], [], [], _PERIOD)
-            for key in keys_in(os.read(keyboard, 100)) if ready else []:
+            for key in pressed_keys(keyboard, _PERIOD):
                 if key == "q":
                     raise click.exceptions.Exit
                 missing = [row.joint.name for row in rows if not row.swept]
@@ -231,7 +228,8 @@ def _number(arm: "Robot", port: str, restore: bool) -> None:
         (now,) = found.servos
         if baud != arm.serial.baud:
             there = f"The servo runs at {baud} bit/s; the robot file says {arm.serial.baud}"
-            echo(f"{there}. Set its speed with the tool of the maker, or correct the robot file")
+            ways = "Set its speed with the manufacturer's tool, or correct the robot file"
+            echo(f"{there}. {ways}")
         if now == wanted:
             echo(f"The servo has the id {wanted} already")
         else:

@@ -3,9 +3,10 @@
 import json
 import logging
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Coroutine, Sequence
+from functools import wraps
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -20,7 +21,7 @@ from .support.own_arms import local_server
 from .terminal.streams import LogPrinter, echo, echo_result
 
 if TYPE_CHECKING:
-    from executive.fleet.confirmation import Confirmation
+    from executive.fleet.errors import Confirmation
     from executive.fleet.fleet_client import FleetClient
     from executive.fleet.programs import Act
     from executive.fleet.values import Job, JobRecord
@@ -37,6 +38,17 @@ def _run(url: str, act: "Act", interrupted: "Act | None" = None) -> None:
     from executive.fleet.programs import run
 
     run(url, act, interrupted)
+
+
+def _with_fleet(function: "Callable[..., Coroutine[Any, Any, None]]") -> Callable[..., None]:
+    """Add the option of the fleet to a command. Call the command with a client of the fleet."""
+
+    @_FLEET
+    @wraps(function)
+    def command(url: str, **options: Any) -> None:
+        _run(url, lambda client: function(client, **options))
+
+    return command
 
 
 def _print_log() -> None:
@@ -259,35 +271,28 @@ def _print_job(found: "Job | JobRecord", as_json: bool) -> None:
 @fleet.command()
 @_IDENTITY
 @_JSON
-@_FLEET
-def cancel(url: str, as_json: bool, identity: str) -> None:
+@_with_fleet
+async def cancel(client: "FleetClient", as_json: bool, identity: str) -> None:
     """Cancel JOB: a queued one ends at once, a running one when its arm has stopped."""
-
-    async def act(client: "FleetClient") -> None:
-        record, had_ended = await client.cancel(identity)
-        if had_ended:
-            echo("the job had ended before the cancel", err=True)
-        _print_job(record, as_json)
-
-    _run(url, act)
+    record, had_ended = await client.cancel(identity)
+    if had_ended:
+        echo("the job had ended before the cancel", err=True)
+    _print_job(record, as_json)
 
 
 @fleet.command()
 @_JSON
-@_FLEET
-def ls(url: str, as_json: bool) -> None:
+@_with_fleet
+async def ls(client: "FleetClient", as_json: bool) -> None:
     """List the arms, with state, job, last outcome and the URL of their pages."""
     from .terminal.fleet_tables import arms_table
 
-    async def act(client: "FleetClient") -> None:
-        rows = await client.arms()
-        if as_json:
-            for row in rows:
-                echo(json.dumps(row.to_json()))
-        else:
-            echo(*arms_table(rows))
-
-    _run(url, act)
+    rows = await client.arms()
+    if as_json:
+        for row in rows:
+            echo(json.dumps(row.to_json()))
+    else:
+        echo(*arms_table(rows))
 
 
 @fleet.command()
@@ -296,48 +301,46 @@ def ls(url: str, as_json: bool) -> None:
     "--last", metavar="N", type=Whole(1), default=20, show_default=True, help="Newest N only."
 )
 @_JSON
-@_FLEET
-def jobs(url: str, as_json: bool, identity: str, last: int) -> None:
+@_with_fleet
+async def jobs(client: "FleetClient", as_json: bool, identity: str, last: int) -> None:
     """List the jobs, the newest last, or show JOB."""
-
-    async def act(client: "FleetClient") -> None:
-        found: list[JobRecord | Job] = []
-        if identity:
-            found.append(await client.job(identity))
-        else:
-            number, queued = await client.queued(last)
-            echo(f"{number} queued", err=True)
-            found += await client.records()
-            found += queued
-        for each in found[-last:]:
-            _print_job(each, as_json)
-
-    _run(url, act)
+    found: list[JobRecord | Job] = []
+    if identity:
+        found.append(await client.job(identity))
+    else:
+        number, queued = await client.queued(last)
+        echo(f"{number} queued", err=True)
+        found += await client.records()
+        found += queued
+    for each in found[-last:]:
+        _print_job(each, as_json)
 
 
 @fleet.command()
 @_WHOM
 @_JSON
-@_FLEET
-def stop(url: str, as_json: bool, whom: tuple[str, ...]) -> None:
+@_with_fleet
+async def stop(client: "FleetClient", as_json: bool, whom: tuple[str, ...]) -> None:
     """Stop all arms, or those of a POOL, or an ARM such as arms.arm-7. Not an emergency stop.
 
     The arms take no jobs until `armtree fleet resume`. Each arm confirms; the command names those
     that did not, and its exit status is then 13.
     """
-    _confirmed(url, as_json, "stop", whom)
+    await _confirmed(client, as_json, "stop", whom)
 
 
 @fleet.command()
 @_WHOM
 @_JSON
-@_FLEET
-def resume(url: str, as_json: bool, whom: tuple[str, ...]) -> None:
+@_with_fleet
+async def resume(client: "FleetClient", as_json: bool, whom: tuple[str, ...]) -> None:
     """Let arms take jobs again after a stop: all, or those of a POOL, or an ARM."""
-    _confirmed(url, as_json, "resume", whom)
+    await _confirmed(client, as_json, "resume", whom)
 
 
-def _confirmed(url: str, as_json: bool, request: str, whom: tuple[str, ...]) -> None:
+async def _confirmed(
+    client: "FleetClient", as_json: bool, request: str, whom: tuple[str, ...]
+) -> None:
     from executive.fleet.errors import NotConfirmed
 
     def show(confirmed: "Sequence[Confirmation]") -> None:
@@ -345,29 +348,22 @@ def _confirmed(url: str, as_json: bool, request: str, whom: tuple[str, ...]) -> 
             row = {"arm": each.arm, "goals": each.goals, "ms": round(1000 * each.seconds, 1)}
             echo_result(as_json, row, f"{each.arm}  {request} confirmed after {row['ms']} ms")
 
-    async def act(client: "FleetClient") -> None:
-        try:
-            confirmed = await getattr(client, request)(whom)
-        except NotConfirmed as error:
-            show(error.confirmed)
-            raise
-        show(confirmed)
-        if not confirmed:
-            echo(f"no arm has joined, so none confirmed the {request}", err=True)
-
-    _run(url, act)
+    try:
+        confirmed = await getattr(client, request)(whom)
+    except NotConfirmed as error:
+        show(error.confirmed)
+        raise
+    show(confirmed)
+    if not confirmed:
+        echo(f"no arm has joined, so none confirmed the {request}", err=True)
 
 
 @fleet.command()
 @click.argument("arm", metavar="ARM")
-@_FLEET
-def forget(url: str, arm: str) -> None:
+@_with_fleet
+async def forget(client: "FleetClient", arm: str) -> None:
     """Remove ARM, which is gone, from the list of arms."""
-
-    async def act(client: "FleetClient") -> None:
-        await client.forget(arm)
-
-    _run(url, act)
+    await client.forget(arm)
 
 
 @fleet.command()
@@ -389,25 +385,24 @@ def forget(url: str, arm: str) -> None:
     "needs its token. Only this server gets ARMTREE_TOKEN.",
 )
 @_JSON
-@_FLEET
-def logs(url: str, as_json: bool, identity: str, output: Path, server: str | None) -> None:
+@_with_fleet
+async def logs(
+    client: "FleetClient", as_json: bool, identity: str, output: Path, server: str | None
+) -> None:
     """Fetch the recording of JOB from the server of its arm, and print the path of the file.
 
     Servers on other machines need their token: see --from.
     """
     from executive.fleet.programs import fetch_recording
 
-    async def act(client: "FleetClient") -> None:
-        path = await fetch_recording(client, identity, output, server)
-        echo_result(as_json, {"file": str(path)}, str(path))
-
-    _run(url, act)
+    path = await fetch_recording(client, identity, output, server)
+    echo_result(as_json, {"file": str(path)}, str(path))
 
 
 @fleet.command()
-@_FLEET
-def top(url: str) -> None:
+@_with_fleet
+async def top(client: "FleetClient") -> None:
     """Show the arms and the queue once a second, until Ctrl-C."""
     from .terminal.fleet_tables import top as show
 
-    _run(url, show)
+    await show(client)

@@ -8,6 +8,7 @@ import click
 
 from .settings import Whole, option
 from .support.command_group import command
+from .support.interrupts import signal_status
 from .support.options import robot_option
 from .support.own_arms import local_server
 from .support.process import end_process
@@ -69,7 +70,7 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
     for each in (signal.SIGINT, signal.SIGTERM):
         # A thread that reads standard input never ends by itself. The server of the arm detects the
         # end of the connections, and cancels the goals.
-        signal.signal(each, lambda number, _: end_process(128 + number))
+        signal.signal(each, lambda number, _: end_process(signal_status(number)))
     asyncio.run(serve_http(make, server, listener) if listener else serve_stdio(make()))
 
 

@@ -12,11 +12,12 @@ import click
 from hardware import DISPLAY_UNITS, write_file
 from hardware.printable import escaped, plural
 
-from .settings import PATH, Whole, given_options, option
+from .settings import PATH, Whole, given_options
 from .support.command_group import command
 from .support.failures import plain_mistake, print_incomplete
 from .support.names import TASK_OR_RECORDING, load_library
 from .support.options import (
+    own_trees_option,
     recordings_option,
     robot_option,
     skills_option,
@@ -294,12 +295,7 @@ def show(
 @command()
 @click.argument("number", type=Whole(0, 2**31 - 1))
 @click.argument("name")
-@option(
-    "trees",
-    default=Path("trees"),
-    show_default=True,
-    help="Folder to write to. It is created if it does not exist.",
-)
+@own_trees_option
 @robot_option
 @skills_option
 def new(number: int, name: str, trees: Path, robot: Path | None) -> None:

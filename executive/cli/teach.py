@@ -22,9 +22,9 @@ if TYPE_CHECKING:
     from executive.api.events import Where
     from trees.writing.taught_task import TaughtTask
 
-    from .jogging.arms import OwnArm
+    from .jogging.arms import JogArm, OwnArm
     from .jogging.model import KeyCommand
-    from .jogging.screen import Act, JogArm
+    from .jogging.screen import Act
 
 _ACTIVATE = "activate it: `armtree arm activate`"
 _MEASURES_NOTHING = "This arm's servos measure nothing, so it cannot be moved by hand"
@@ -78,10 +78,11 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
             hidden = KeyCommand(), lambda _where, _text: _MEASURES_NOTHING
             by_hand = {"f": hidden, "r": hidden}
         else:
-            hand = _Hand(arm, task) if isinstance(arm, OwnArm) else _ServersHand()
+            hand = _Hand(arm, task) if isinstance(arm, OwnArm) else None
+            switch, record = (hand.switch_torque, hand.record) if hand else (_refuse, _refuse)
             by_hand = {
-                "f": (key("torque off, on", about=_TORQUE), hand.switch_torque),
-                "r": (key("path", about="records a path of the hand, or ends it"), hand.record),
+                "f": (key("torque off, on", about=_TORQUE), switch),
+                "r": (key("path", about="records a path of the hand, or ends it"), record),
             }
         return {
             "t": (key("take", about="takes this pose as a step"), teaching.take),
@@ -192,14 +193,8 @@ class _Teaching:
         return f"Step {len(self._task.steps)}: {words}"
 
 
-class _ServersHand:
-    """The commands of keys for the arm of a server. No person moves it by hand."""
-
-    def switch_torque(self, _where: "Where", _text: str) -> str:
-        """Return the instructions for the next step."""
-        return "A server has this arm. To move it by hand, end armtree serve, then teach again"
-
-    record = switch_torque
+def _refuse(_where: "Where", _text: str) -> str:
+    return "A server has this arm. To move it by hand, end armtree serve, then teach again"
 
 
 class _Hand:

@@ -33,7 +33,7 @@ from nats.js.errors import KeyNotFoundError, NotFoundError
 from nats.js.kv import KeyValue
 from nats.protocol.parser import Parser
 
-from executive.api import strict_json, token_file
+from executive.api import NATS_PORT, strict_json, token_file
 from hardware import read_file
 
 from .errors import (
@@ -51,7 +51,6 @@ T = TypeVar("T")
 
 logger = logging.getLogger(__name__)
 
-NATS_PORT = 4222  # port for a URL without one
 MEMBERS, RECORDS, ALIVE = "fleet_members", "fleet_jobs", "fleet_alive"
 _BUCKETS: Mapping[type, str] = {Member: MEMBERS, JobRecord: RECORDS, Presence: ALIVE}
 JOBS = "fleet_jobs_queue"  # stream of the jobs that no arm has claimed

@@ -2,11 +2,10 @@
 
 import re
 from collections.abc import Sequence
+from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from hardware import ArmtreeError
-
-from .confirmation import Confirmation
 
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 
@@ -202,7 +201,7 @@ class TooLong(FleetError):
 
     code = "fleet.too_long"
     exit_status = 8
-    hint = "explain its recording, or give the job more time"
+    hint = "see in its recording what took long, or give the job more time"
 
     def __init__(self, seconds: float) -> None:
         super().__init__(
@@ -221,6 +220,23 @@ class ArmLost(FleetError):
             f"{arm} ({url}) claimed this job, and has not been heard of for {silence:.0f} s. It "
             "may have moved; see its own recording"
         )
+
+
+@dataclass(frozen=True, slots=True)
+class Confirmation:
+    """The answer of an arm to a request.
+
+    Attributes:
+        arm: POOL.NAME.
+        error: Error of the request; empty if it is done.
+        goals: Goals that the request concerned.
+        seconds: Time from the request to the answer [s].
+    """
+
+    arm: str
+    error: str
+    goals: tuple[str, ...]
+    seconds: float
 
 
 class NotConfirmed(FleetError):

@@ -17,7 +17,6 @@ from executive.api.outcome import GoalState
 from executive.errors import GoalCanceled
 from hardware import Clock, utc_ns
 
-from .confirmation import Confirmation
 from .connection import (
     ALIVE,
     GONE,
@@ -30,6 +29,7 @@ from .connection import (
 )
 from .errors import (
     BadJob,
+    Confirmation,
     DuplicateJob,
     FleetError,
     NotConfirmed,

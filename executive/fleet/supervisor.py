@@ -94,7 +94,7 @@ class Supervisor:
         silent = {
             identity: self._silent.get(identity, now)
             for identity, record in self._claimed.items()
-            if not _has(alive.get(record.arm), record)
+            if not ((there := alive.get(record.arm)) and there.job == identity)
         }
         self._silent = silent
         for identity, since in silent.items():
@@ -120,8 +120,3 @@ class Supervisor:
         except KeyWrongLastSequenceError:
             return None
         return ended
-
-
-def _has(presence: Presence | None, record: JobRecord) -> bool:
-    """Return True if an arm reports that it has a job."""
-    return bool(presence and presence.job == record.job.identity)

@@ -8,24 +8,17 @@ import random
 import socket
 import uuid
 from collections.abc import Awaitable, Callable
-from contextlib import AbstractAsyncContextManager, suppress
+from contextlib import suppress
 from dataclasses import replace
-from typing import Any, Protocol, TypeVar
+from typing import Any, TypeVar
 
 from nats.aio.msg import Msg
 from nats.js.errors import APIError, KeyWrongLastSequenceError
 
 from executive.api import strict_json
 from executive.api.events import Status
-from executive.api.outcome import (
-    CancelResult,
-    Ending,
-    GoalState,
-    GoalStatus,
-    Outcome,
-    cause_of,
-)
-from executive.client.values import Task
+from executive.api.outcome import Ending, GoalState, cause_of
+from executive.client.asynchronous import AsyncClient
 from executive.errors import ClientError, GoalBusy, QueueFull, ServerUnreachable
 from hardware import Clock, State, utc_ns
 
@@ -63,44 +56,12 @@ _NOT_NOW = (GoalBusy.code, QueueFull.code)
 _BY_FLEET, _AT_ARM = "stopped by the fleet", "stopped at the arm"  # reasons to take no jobs
 
 
-class ArmServer(Protocol):
-    """The server of an arm: `AsyncClient`, or a simulated one."""
-
-    url: str
-
-    async def status(self) -> Status:
-        """Return the state of the arm and of the goals."""
-
-    async def tasks(self) -> tuple[Task, ...]:
-        """Return the tasks."""
-
-    def hold(self, goal_id: str) -> AbstractAsyncContextManager[None]:
-        """Hold a goal. The server cancels or refuses it if this process pauses or dies."""
-
-    async def send(
-        self, task: int | str, arguments: Any = None, goal_id: str = "", deadman: bool = False
-    ) -> str:
-        """Send a goal."""
-
-    async def result(self, goal_id: str) -> Outcome:
-        """Wait for the outcome of a goal."""
-
-    async def goals(self) -> tuple[GoalStatus, ...]:
-        """Return all known goals."""
-
-    async def cancel(self, goal_id: str = "") -> CancelResult:
-        """Cancel a goal."""
-
-    async def stop(self) -> CancelResult:
-        """Stop the arm and cancel all goals."""
-
-
 class Worker:
     """Joins an arm to a fleet.
 
     Args:
         fleet: The fleet, with a connection that always reconnects.
-        server: The server of the arm.
+        server: Client of the server of the arm.
         pool: Name of its pool.
         name: Name of the arm in the pool.
         clock: Time source.
@@ -110,7 +71,7 @@ class Worker:
     def __init__(
         self,
         fleet: Fleet,
-        server: ArmServer,
+        server: AsyncClient,
         pool: str,
         name: str,
         clock: Clock,

@@ -11,7 +11,7 @@ import logs
 from executive.api.events import Event
 from executive.api.outcome import GoalState, GoalStatus, Outcome, cause_of
 from executive.recording.translate import arm_record, skill_record
-from hardware import FrameSent, HardwareError, compile_schedule
+from hardware import FrameSent, HardwareError
 from skills import Context, Planned, Scheduled
 from skills.merged_motion import MergedMotion, verify_query
 from skills.motion import MotionError, Plan, Query, World
@@ -100,7 +100,7 @@ def _play(context: Context, query: Query, begin: float, events: list[Event]) -> 
     if isinstance(plan, MotionError):
         raise plan
     motion = MergedMotion(robot, start, [plan], together=False)
-    schedule = compile_schedule(robot, start, motion.sample, motion.duration)
+    schedule = motion.compile()
     events.append(skill_record(Scheduled(schedule, start, motion), robot, begin))
     contact = context.pool.ask(verify_query(robot, start, schedule, query.timeout, query.world))
     if isinstance(contact, MotionError):

@@ -1,26 +1,17 @@
 """The motions of a task that are known before it runs, as planning queries."""
 
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from hardware import Robot
-from skills.motion import Body, Carry, Query, Reached, ToolQuery, World
+from skills.motion import Pool, Query, Reached, ToolQuery, World
 from trees import FileError
 from trees.analysis.predicted_motion import predict_motions
 from trees.compile.compiler import CompiledTree
 from trees.compile.node_paths import paths
 
-
-class Solver(Protocol):
-    """Interface to the planner of a prediction. Both methods may raise a MotionError."""
-
-    def carry(self, request: Carry) -> Body:
-        """Return a body at the same pose, attached to another link."""
-        ...
-
-    def reach(self, query: ToolQuery) -> Reached:
-        """Return joint positions that bring the tool to a point."""
-        ...
+if TYPE_CHECKING:
+    from skills.motion.planner import Planner
 
 
 @dataclass(frozen=True)
@@ -44,7 +35,7 @@ class Motion:
 def task_motions(
     tree: CompiledTree,
     robot: Robot,
-    solver: Solver,
+    solver: "Planner | Pool",
     position: tuple[float, ...],
     world: World,
     seed: int,

@@ -337,7 +337,7 @@ class WriteGuard:
     def _check_velocity(self, target: tuple[float, ...], frame: Frame) -> list[float]:
         """Return the time at which each joint reaches its target at its velocity limit [s].
 
-        A step that does not turn its servo is not refused, but counts for the next one.
+        A step too small to turn its servo is accepted. It counts towards the next step.
         """
         now, arrivals = self._clock.now(), []
         turns = zip(self._last_frame.servos, frame.servos, strict=True)

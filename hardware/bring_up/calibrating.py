@@ -15,7 +15,7 @@ from hardware.errors import DescriptionError
 from hardware.files import read_file
 from hardware.joints import Joint
 
-from .sweep import Sweep
+from .sweep import Swept
 
 _MAX_BYTES = 2**20  # largest calibration file [bytes]
 LEAST_RANGE = 10.0  # smallest range of a swept joint [deg]
@@ -83,13 +83,15 @@ class Calibrator:
     def __init__(self, robot: Robot, bus: ServoBus, reports: Mapping[int, ServoReport]) -> None:
         self._robot, self._bus, self._servos = robot, bus, robot.servos
         self._reports = {joint: reports[servo] for joint, servo in robot.servos.items()}
-        self._sweep, self._degrees = Sweep(bus.ticks), bus.turn / bus.ticks
+        self._swept, self._degrees = dict[int, Swept](), bus.turn / bus.ticks
         self.path = calibration_file(robot.path)
         self._earlier = earlier_values(self.path, robot.name, bus.ticks)
 
     def read(self) -> None:
         """Read the positions of the servos once."""
-        self._sweep.move(self._bus.positions([*self._servos.values()]))
+        for servo, position in self._bus.positions([*self._servos.values()]).items():
+            start = Swept(self._bus.ticks, position, position, position)
+            self._swept.setdefault(servo, start).move(position)
 
     @property
     def rows(self) -> list[Row]:
@@ -98,7 +100,7 @@ class Calibrator:
 
     def _row(self, joint: Joint) -> Row:
         servo = self._servos[joint.name]
-        if (swept := self._sweep.servos.get(servo)) is None:
+        if (swept := self._swept.get(servo)) is None:
             return Row(joint, servo)
         now, turned = swept.now % self._bus.ticks, swept.range * self._degrees
         seam = swept.seam_inside or swept.whole_turn
@@ -114,13 +116,13 @@ class Calibrator:
             SeamInside: A range contains the seam, or a whole turn.
         """
         can_centre = all("homing" in report.kept for report in self._reports.values())
-        whole = [s for s in self._sweep.servos.values() if s.whole_turn]
+        whole = [s for s in self._swept.values() if s.whole_turn]
         wrong = [row.joint.name for row in self.rows if row.seam]
         if whole or (wrong and not (centre and can_centre)):
             raise SeamInside(wrong, self._bus.ticks - 1, can_centre)
         found = dict[str, dict[str, int]]()
         for joint, report in self._reports.items():
-            swept = self._sweep.servos[self._servos[joint]]
+            swept = self._swept[self._servos[joint]]
             found[joint] = swept.kept(report.kept.get("homing"), centre and can_centre)
         return found
 

@@ -1,6 +1,5 @@
 """The sweep of joints by hand: the range of each servo, and the check for its seam."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 
@@ -62,23 +61,3 @@ class Swept:
             "least": self.least - shift,
             "most": self.most - shift,
         }
-
-
-class Sweep:
-    """The sweep of all servos.
-
-    Args:
-        turn: Number of positions in a turn [ticks].
-    """
-
-    def __init__(self, turn: int) -> None:
-        self._turn = turn
-        self.servos = dict[int, Swept]()
-
-    def move(self, positions: Mapping[int, int]) -> None:
-        """Store the positions of servos, by id [ticks]."""
-        for servo, position in positions.items():
-            if servo in self.servos:
-                self.servos[servo].move(position)
-            else:
-                self.servos[servo] = Swept(self._turn, position, position, position)

@@ -71,7 +71,7 @@ class NullDriver:
     def wire(self, joint: TomlTable, lower: float, upper: float) -> None:
         """Refuse the key `wire`."""
         if "wire" in joint:
-            joint.fail("wire", "needs a driver; write driver and [serial] too, or leave it out")
+            joint.fail("wire", "needs a driver; write driver and [serial] too, or leave wire out")
 
     def check(self, root: TomlTable, joints: Sequence[Joint], firmware: Firmware) -> None:
         """Accept any joints."""

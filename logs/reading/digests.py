@@ -39,7 +39,7 @@ class Digests:
         self._channels: dict[int, tuple[str, bytes]] = {}
 
     def watch(self, records: Iterable[Any]) -> Iterator[Any]:
-        """Yield the records unchanged, and digest them without indexes and statistics."""
+        """Yield the records unchanged. Compute digests of all except indexes and statistics."""
         for record in records:
             self._add_record(record)
             yield record

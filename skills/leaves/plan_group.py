@@ -7,7 +7,7 @@ from typing import Any
 from py_trees.common import Status
 from py_trees.ports import PortInformation
 
-from hardware import Robot, compile_schedule
+from hardware import Robot
 from skills.context import Planned
 from skills.errors import refuse
 from skills.joint_targets import configuration_errors, missing_joint_errors, target_errors
@@ -123,8 +123,7 @@ class _PlanGroup(PlanningSkill, register=False):
     def _frames_of(self, plan: Plan) -> Verify:
         robot, start = self.context.robot, tuple(plan.start.tolist())
         merged = MergedMotion(robot, start, [plan], together=False)
-        schedule = compile_schedule(robot, start, merged.sample, merged.duration)
-        return verify_query(robot, start, schedule, self._query.timeout, self._query.world)
+        return verify_query(robot, start, merged.compile(), self._query.timeout, self._query.world)
 
     def _finish(self, answer: Result) -> Status:
         assert isinstance(answer, (Plan, MotionError))

@@ -15,7 +15,7 @@ import math
 import sys
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -36,6 +36,7 @@ from skills.motion.timing.time_parameterization import line_duration
 from skills.motion.validation import MAX_MAGNITUDE, check_seed
 from skills.motion.world import Vector
 
+from .collision.checker import CollisionChecker
 from .robot_model.joint_group import JointGroup
 from .robot_model.robot_model import RobotModel
 from .robot_model.roll_pitch_yaw import axes_across, turn_tolerance, turned
@@ -65,21 +66,11 @@ class _Effort(NamedTuple):
 _QUICK, _PATIENT = _Effort(60, 1e-3), _Effort(200, 1e-5)
 
 
-class Validity(Protocol):
-    """Interface of a collision check, such as `CollisionChecker`."""
-
-    def first_invalid(self, configurations: Array, margin: float) -> int | None:
-        """Return the first row (N, A) [rad] in collision, or None."""
-
-    def nearest(self, configuration: Array) -> tuple[str, str, float] | None:
-        """Return the closest two links at a configuration (A,) [rad] and their distance [m]."""
-
-
 def solve_ik(
     robot: Robot,
     model: RobotModel,
     group: JointGroup,
-    validity: Validity,
+    checker: CollisionChecker,
     query: ToolQuery,
     deadline: Deadline,
 ) -> Reached:
@@ -101,7 +92,7 @@ def solve_ik(
 
     def is_free(solution: _Result) -> bool:
         row = group.full(start, solution.joints[None, :])
-        return validity.first_invalid(row, margin) is None
+        return checker.first_invalid(row, margin) is None
 
     for results in _Search(chain, start, point, query.seed, deadline).rounds():
         reached = sorted((each for each in results if each.reached), key=duration)
@@ -116,7 +107,7 @@ def solve_ik(
             return Reached(tuple(best.joints.tolist()), 1)
         points = tuple(point.tolist()), tuple(best.point.tolist())
         raise Unreachable(*points, best.distance, best.angle, query.direction, _POINT_TOLERANCE)
-    contact = validity.nearest(group.full(start, min(solutions, key=duration).joints[None, :])[0])
+    contact = checker.nearest(group.full(start, min(solutions, key=duration).joints[None, :])[0])
     assert contact
     raise GoalInCollision(*contact, margin)
 

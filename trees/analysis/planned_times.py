@@ -5,7 +5,7 @@ from dataclasses import replace
 
 from py_trees.behaviour import Behaviour
 
-from hardware import HardwareError, Robot, compile_schedule
+from hardware import HardwareError, Robot
 from skills.merged_motion import MergedMotion
 from skills.motion import Plan, Query, Result
 from trees.compile.compiler import CompiledTree
@@ -57,10 +57,9 @@ class PlannedTimes:
         together = leaf.known.get("together") is True
         merged = MergedMotion(self._robot, motion.start, plans, together)
         try:
-            schedule = compile_schedule(self._robot, motion.start, merged.sample, merged.duration)
+            return max(least, merged.compile().duration)
         except HardwareError:
             return least
-        return max(least, schedule.duration)
 
 
 def _moving_below_timeouts(tree: CompiledTree) -> set[Behaviour]:

@@ -43,7 +43,7 @@ _TWO_CASES = f"{_IF}sequence of one case, which begins with the condition"
 
 
 class _Reactive:
-    """Mixin for nodes without memory: ticks while a later child runs, to repeat the children."""
+    """Mixin for nodes without memory, which check the earlier children while a later one runs."""
 
     status: Status
 

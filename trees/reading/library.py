@@ -52,7 +52,7 @@ POSES = "poses.yaml"
 
 @cache
 def _kept(draft: Callable[[Path, str], Draft], path: Path, text: str) -> Draft:
-    """Read a file that ships once: nearly every tree uses some of them."""
+    """Read a shipped file, and keep the result: nearly every tree uses some of these files."""
     return draft(path, text)
 
 
@@ -60,6 +60,11 @@ def with_robot(folder: Path, robot: str) -> tuple[Path, ...]:
     """Return a folder of task files, and its subfolder for a robot, if there is one."""
     own = folder / robot
     return (folder, own) if own.parent == folder and os.path.isdir(own) else (folder,)
+
+
+def shipped_folders(robot: str) -> tuple[Path, ...]:
+    """Return the folders of the files that ship for a robot."""
+    return with_robot(Path(str(resources.files("trees"))) / "tasks", robot)
 
 
 def _is_for(path: Path, robot: str) -> bool:
@@ -118,7 +123,7 @@ class Library:
         self.robot, self.read = robot, read
         self._drafted = cache(self._drafted)  # type: ignore[method-assign]
         self.draft_poses = cache(self.draft_poses)  # type: ignore[method-assign]
-        self.shipped = with_robot(Path(str(resources.files("trees"))) / "tasks", robot)
+        self.shipped = shipped_folders(robot)
         if folder is not None:
             if not folder.is_dir():
                 raise _no_folder(folder, "there is no such folder")

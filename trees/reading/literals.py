@@ -75,7 +75,7 @@ def in_unit_of_key(key: str, value: Located) -> Located:
 
 
 def renamed(key: str, name: str, value: Located) -> tuple[Located, Correction | None]:
-    """Return a value in the unit of its key, and the line with another key above it."""
+    """Return a value with the unit in the name of its key, and its line with another key."""
     made, label = in_unit_of_key(key, value) if name else value, value.label
     old, new = f"{key}: {value.as_yaml()}", f"{name}: {made.as_yaml()}"
     return made, (made is not value and label.replaced(old, new)) or label.replaced(key, name)

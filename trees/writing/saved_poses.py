@@ -155,7 +155,7 @@ def pose_text(robot: Robot, positions: Mapping[str, float]) -> str:
 
 
 def _written(joint: Joint, q: float) -> str:
-    """Return a position to a hundredth of a degree or mm; exactly if that exceeds a limit."""
+    """Return a position, rounded to 0.01 deg or mm unless that would exceed a limit."""
     scale, unit = DISPLAY_UNITS[joint.unit]
     near = round(scale * q, 2) / scale
     if not joint.lower <= near <= joint.upper:

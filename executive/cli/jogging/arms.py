@@ -32,7 +32,12 @@ class OwnArm:
         self._path: list[Mapping[str, float]] | None = None
 
     def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
-        """Move, and wait for the end."""
+        """Move, and wait for the end. Also returns the outcome of a refused move.
+
+        Args:
+            move: The move.
+            accepted: Callback when the move is accepted. A stop works from then on.
+        """
         return without_server(self._runner.run(move, accepted=accepted), "move again")
 
     def stop(self) -> None:
@@ -59,7 +64,7 @@ class OwnArm:
         return self._executive.status().fault
 
     def watch(self, changed: Callable[[], None]) -> None:
-        """Call a function at every change."""
+        """Call a function after each motion or change of state. Returns at once."""
 
         def note(event: Event) -> None:
             by_hand = self.by_hand and isinstance(event, Measured)
@@ -94,7 +99,7 @@ class ServerArm:
         self._client = client
 
     def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
-        """Move, and wait for the end."""
+        """Move, and wait for the end, as `OwnArm.move` does."""
         try:
             goal_id = self._client.send_move(move)
         except Refused as error:
@@ -111,8 +116,12 @@ class ServerArm:
         return self._client.where()
 
     def watch(self, changed: Callable[[], None]) -> None:
-        """Call a function at every change, until the server ends."""
+        """Call a function after each motion or change of state, until the server ends."""
         with self._client.events(*_KINDS) as events:
             for _ in events:
                 changed()
         raise ServerUnreachable(self._client.url, "it has ended")
+
+
+# Any thread may call the methods of both.
+JogArm = OwnArm | ServerArm

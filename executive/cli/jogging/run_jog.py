@@ -20,9 +20,9 @@ from executive.session import open_executive, port_line
 from executive.setup import Setup
 from hardware import HardwareError
 
-from .arms import OwnArm, ServerArm
+from .arms import JogArm, OwnArm, ServerArm
 from .model import KeyCommand
-from .screen import Act, JogArm, JogScreen
+from .screen import Act, JogScreen
 
 
 def run_jog(

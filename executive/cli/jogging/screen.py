@@ -5,7 +5,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from queue import SimpleQueue
-from typing import Protocol
 
 import click
 
@@ -19,40 +18,13 @@ from hardware import HardwareError, NotActive
 from skills.motion.errors import NEARER, MotionError
 from trees import TreeError
 
+from .arms import JogArm
 from .model import Action, Call, Go, Jog, KeyCommand, Leave, Stop, Yes
 
 # Errors of a command that the screen shows. Any other error ends the jog.
 _SHOWN = (HardwareError, TreeError, click.ClickException)
 
 _STRETCHED = "the arm is stretched out or at a limit: move a joint first"
-
-
-class JogArm(Protocol):
-    """An arm to jog. Its methods may be called from different threads."""
-
-    @property
-    def by_hand(self) -> bool:
-        """True if the servos have no torque, so that a person can move the arm."""
-
-    def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
-        """Move, and wait for the end. Also returns the outcome of a refused move.
-
-        Args:
-            move: The move.
-            accepted: Callback when the move is accepted. A stop works from then on.
-        """
-
-    def stop(self) -> None:
-        """Stop the arm at once."""
-
-    def where(self) -> Where:
-        """Return the position of the arm."""
-
-    def watch(self, changed: Callable[[], None]) -> None:
-        """Call a function after each motion or change of state of the arm.
-
-        It may return at once, or at the end of the arm.
-        """
 
 
 # Function of a key's command: receives the position of the arm and the typed text, and returns a

@@ -116,18 +116,18 @@ class Interrupts:
                 self._start_cancel()
             elif number == signal.SIGQUIT or self._is_second(number):
                 last_words(self._last)
-                end_process(_status(number))
+                end_process(signal_status(number))
             elif number == STOP and not self._canceled:
                 self._start_cancel()
 
     def _raise(self, number: int, frame: FrameType | None) -> None:
         if self._cancel is None and not self._raised:
-            self._raised, self._status = True, _status(number)
+            self._raised, self._status = True, signal_status(number)
             raise KeyboardInterrupt
 
     def _handle_late(self, number: int, frame: FrameType | None) -> None:
         if self._is_second(number):
-            end_process(_status(number))
+            end_process(signal_status(number))
 
     def _is_second(self, number: int) -> bool:
         if self._signaled is None or number not in (signal.SIGINT, signal.SIGTERM):
@@ -145,7 +145,7 @@ def _do_nothing(number: int, frame: FrameType | None) -> None:
     """Let Python write the signal to the pipe."""
 
 
-def _status(number: int) -> int:
+def signal_status(number: int) -> int:
     r"""Return the exit status of a command that a signal ends; Ctrl-\ has that of Ctrl-C."""
     return INTERRUPTED_EXIT if number == signal.SIGQUIT else 128 + number
 

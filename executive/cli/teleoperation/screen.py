@@ -7,17 +7,19 @@ from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from enum import Enum
 from textwrap import wrap
-from typing import Protocol
 
 from executive.api.codes import OK
 from executive.api.events import Where
 from executive.api.move import LEADER, Move
-from executive.api.outcome import Cause, Outcome
-from executive.cli.jogging.screen import JogArm, cause_words, outcome_words
+from executive.api.outcome import Outcome
+from executive.cli.jogging.arms import OwnArm
+from executive.cli.jogging.screen import cause_words, outcome_words
 from executive.cli.terminal.key_screen import KeyScreen
 from executive.errors import GoalCanceled
 from hardware import DISPLAY_UNITS, HardwareError, Joint, State
 from skills import Blocked
+
+from .servo_leader import HandGuidedArm
 
 _REDRAW = 0.1  # [s]
 _NEAR = math.radians(2)  # largest distance to follow without a planned move first [rad], [m]
@@ -33,26 +35,6 @@ class Phase(Enum):
     APPROACHES = "moves to the leader"
     FOLLOWS = "follows"
     LOST = "holds; the leader is lost"
-
-
-class Follower(JogArm, Protocol):
-    """The arm that follows."""
-
-    def fault(self) -> Cause | None:
-        """Return the fault that ended *active*; None after the next activation."""
-
-
-class HandGuided(Protocol):
-    """The leader; see `HandGuidedArm`."""
-
-    following: bool
-    blocked: Blocked | None
-
-    def release(self) -> None:
-        """Switch the torque off."""
-
-    def where(self) -> tuple[float, ...]:
-        """Return its measured positions [rad]. Raises a `HardwareError` if the leader is lost."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -139,7 +121,7 @@ class TeleopScreen(KeyScreen):
     """
 
     def __init__(
-        self, arm: Follower, joints: Sequence[Joint], leader: HandGuided, speed: float
+        self, arm: OwnArm, joints: Sequence[Joint], leader: HandGuidedArm, speed: float
     ) -> None:
         super().__init__(_REDRAW)
         self._arm, self._joints, self._leader, self._speed = arm, joints, leader, speed

@@ -1,18 +1,14 @@
 """A hand-guided arm: its servos have no torque, so that a person can move it."""
 
 import math
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
 from hardware import (
     Ability,
     Arm,
-    ArmEvent,
-    Faulted,
     HardwareError,
     Link,
-    Measured,
     RealClock,
     Robot,
     State,
@@ -40,9 +36,8 @@ class HandGuidedArm:
         robot.require(Ability.TORQUE)
         self.robot, self.following = robot, False
         self.blocked: Blocked | None = None
-        self._changed: Callable[[], None] = lambda: None
         # A hand may move it beyond its limits. It holds where it is measured there, too.
-        self._arm = Arm(_beyond_limits(robot), link, RealClock(), self._note)
+        self._arm = Arm(_beyond_limits(robot), link, RealClock())
 
     def open(self) -> None:
         """Open the port. The arm holds its position.
@@ -71,10 +66,6 @@ class HandGuidedArm:
             self._arm.shutdown()
         return held
 
-    def on_change(self, changed: Callable[[], None]) -> None:
-        """Call a function, from any thread, after each measurement or failure of the arm."""
-        self._changed = changed
-
     def where(self) -> tuple[float, ...]:
         """Return its measured positions, one per actuated joint [rad].
 
@@ -95,11 +86,6 @@ class HandGuidedArm:
     def show(self, blocked: Blocked | None) -> None:
         """Store the reason that the other arm does not follow."""
         self.blocked = blocked
-        self._changed()
-
-    def _note(self, event: ArmEvent) -> None:
-        if isinstance(event, Measured | Faulted):
-            self._changed()
 
 
 def _beyond_limits(robot: Robot) -> Robot:

@@ -56,6 +56,18 @@ def keys_in(data: bytes) -> list[str]:
     return [key.replace("O", "[", 1) if len(key) > 1 else _SAME.get(key, key) for key in keys]
 
 
+def pressed_keys(keyboard: int | None, seconds: float | None) -> list[str]:
+    """Wait for keys, and return them; none after the time.
+
+    Args:
+        keyboard: File handle from `key_by_key`.
+        seconds: Longest time to wait [s]; None for no limit.
+    """
+    handles = [] if keyboard is None else [keyboard]
+    ready, _, _ = select.select(handles, [], [], seconds)
+    return keys_in(os.read(ready[0], 4096)) if ready else []
+
+
 def key_name(key: str) -> str:
     """Return the name of a key, for people."""
     return _NAMES.get(key, key if key.isprintable() else "This key")

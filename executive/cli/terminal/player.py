@@ -1,8 +1,6 @@
 """Shows a recorded run in real time, faster, or under control of keys."""
 
 import contextlib
-import os
-import select
 from pathlib import Path
 
 from executive.api.events import Where
@@ -11,7 +9,7 @@ from executive.recording.archive import restore_robot
 from hardware import HardwareError, RealClock, State
 from logs import LogError, Record, Recording, Result
 
-from .keyboard import DOWN, LEFT, RIGHT, UP, key_by_key, keys_in
+from .keyboard import DOWN, LEFT, RIGHT, UP, key_by_key, pressed_keys
 from .line_view import view_for
 from .view import View
 
@@ -105,7 +103,7 @@ def _play(player: Player, keys: int | None) -> None:
     clock, paused = RealClock(), False
     while not player.over:
         before = clock.now()
-        pressed = _pressed(keys, None if paused else min(_TICK, max(0.0, player.due)))
+        pressed = pressed_keys(keys, None if paused else min(_TICK, max(0.0, player.due)))
         passed = 0.0 if paused else (clock.now() - before) * player.speed
         for key in pressed:
             if key == "q":
@@ -114,10 +112,3 @@ def _play(player: Player, keys: int | None) -> None:
             player.speed *= _SPEEDS.get(key, 1.0)
             passed += _MOVES.get(key, 0.0)
         player.show_until(player.at + passed)
-
-
-def _pressed(keys: int | None, seconds: float | None) -> list[str]:
-    """Return the pressed keys. Wait at most for a time [s], or forever."""
-    handles = [] if keys is None else [keys]
-    ready, _, _ = select.select(handles, [], [], seconds)
-    return keys_in(os.read(keys, 4096)) if ready and keys is not None else []

@@ -11,6 +11,7 @@ from trees.check import compile_task
 from trees.export.node_table import node_table
 from trees.export.resolved import RESOLVED
 from trees.reading.document import read_text
+from trees.reading.library import shipped_folders
 
 _SUFFIXES = (".yaml", ".yml")
 
@@ -40,9 +41,7 @@ def recorded_nodes(recording: logs.Recording, task: int) -> list[dict[str, Any]]
         return texts[path.name] if path.name in texts else read_text(path)
 
     with tempfile.TemporaryDirectory(prefix="armtree-") as folder:
-        shipped = {
-            path.name for each in Library(None, robot.name).shipped for path in each.iterdir()
-        }
+        shipped = {path.name for each in shipped_folders(robot.name) for path in each.iterdir()}
         for name in texts.keys() - shipped:
             Path(folder, name).write_text(texts[name])
         try:

@@ -173,4 +173,4 @@ def test_a_hint_that_the_message_contains_is_not_repeated() -> None:
     for owner in (None, 1, os.getpid()):
         assert cause_of(PortBusy("/dev/ttyACM0", owner)).advice == ""
     cause = cause_of(PortDenied("/dev/ttyACM0", "dialout"))
-    assert cause.advice == cause.hint == "join the group of the port"
+    assert cause.advice == cause.hint == "join the group that owns the port, then log in again"

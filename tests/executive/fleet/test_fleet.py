@@ -137,7 +137,7 @@ def test_a_failed_cancel_of_a_job_that_takes_too_long_is_repeated(
 
         lost = 2
 
-        async def cancel(self, goal_id: str = "") -> CancelResult:
+        async def cancel(self, goal_id: str = "", stamp_ns: int = 0) -> CancelResult:
             if self.lost:
                 self.lost -= 1
                 raise ServerUnreachable(self.url, "lost")
@@ -265,7 +265,7 @@ def test_a_worker_that_loses_its_server_for_a_moment_reports_the_true_result(
             await super().send(*words, **named)
             raise ServerUnreachable(self.url, "lost")
 
-        async def result(self, goal_id: str) -> Outcome:
+        async def result(self, goal_id: str, timeout: float | None = None) -> Outcome:
             if self.lost:
                 self.lost -= 1
                 raise ServerUnreachable(self.url, "lost")

@@ -14,7 +14,7 @@ from mcap.writer import Writer
 
 import logs
 from executive.api.outcome import Outcome
-from executive.cli.terminal import player as keyboard
+from executive.cli.terminal import keyboard
 from executive.cli.terminal.player import Player
 from executive.replay.verification import verify
 from logs.reading.file_state import locked
@@ -363,8 +363,8 @@ def test_an_invalid_rule_deletes_nothing(tmp_path: Path, picked: Path, value: st
 def test_keys_that_come_at_once_all_count() -> None:
     reader, writer = os.pipe()
     os.write(writer, b"\x1b[D\x1b[D\x1bOC q")
-    assert keyboard._pressed(reader, 0.0) == ["\x1b[D", "\x1b[D", "\x1b[C", " ", "q"]
-    assert keyboard._pressed(reader, 0.0) == []
+    assert keyboard.pressed_keys(reader, 0.0) == ["\x1b[D", "\x1b[D", "\x1b[C", " ", "q"]
+    assert keyboard.pressed_keys(reader, 0.0) == []
     os.close(reader)
     os.close(writer)
 

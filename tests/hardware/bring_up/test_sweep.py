@@ -3,14 +3,15 @@
 import pytest
 from hypothesis import given, strategies as st
 
-from hardware.bring_up.sweep import Sweep, Swept
+from hardware.bring_up.sweep import Swept
 
 
 def swept(*positions: int) -> Swept:
-    sweep = Sweep(4096)
-    for position in positions:
-        sweep.move({1: position})
-    return sweep.servos[1]
+    first, *more = positions
+    found = Swept(4096, first, first, first)
+    for position in more:
+        found.move(position)
+    return found
 
 
 def test_the_range_is_what_was_passed() -> None:

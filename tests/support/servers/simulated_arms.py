@@ -15,12 +15,13 @@ from executive.api.outcome import (
     Outcome,
     cause_of,
 )
+from executive.client.asynchronous import AsyncClient
 from executive.client.values import Task
 from executive.errors import GoalBusy, GoalCanceled, Refused
 from hardware import State
 
 
-class SimulatedArm:
+class SimulatedArm(AsyncClient):
     """The server of an arm whose goals last until they are ended, or for a time.
 
     Attributes:
@@ -83,7 +84,7 @@ class SimulatedArm:
         """Let a goal succeed."""
         self._end(goal_id, GoalState.SUCCEEDED)
 
-    async def result(self, goal_id: str) -> Outcome:
+    async def result(self, goal_id: str, timeout: float | None = None) -> Outcome:
         """Wait for the end of a goal."""
         return await asyncio.shield(self._ended[goal_id])
 
@@ -91,7 +92,7 @@ class SimulatedArm:
         """The goals that it accepted."""
         return tuple(GoalStatus(each, 1, GoalState.EXECUTING, 1, None) for each in self.received)
 
-    async def cancel(self, goal_id: str = "") -> CancelResult:
+    async def cancel(self, goal_id: str = "", stamp_ns: int = 0) -> CancelResult:
         """Cancel a goal."""
         self._end(goal_id, GoalState.CANCELED)
         return CancelResult(CancelCode.NONE, (goal_id,))

@@ -45,14 +45,12 @@ class BusState:
         positions: Positions of the servos, by id [ticks].
         outputs: Positions of what they move, by id [ticks]. They differ by the backlash.
         torque: True if the servo has torque, by id.
-        packets: Number of whole packets to the servos.
         collisions: Number of times that the host sent bytes while a servo answered.
     """
 
     positions: dict[int, float]
     outputs: dict[int, float]
     torque: dict[int, bool]
-    packets: int
     collisions: int
 
 
@@ -74,7 +72,7 @@ class Bus:
         self._received = bytearray()
         self._losing, self._damaging = dict[int, int](), dict[int, int]()
         self._names = dict[int, int]()  # wrong ids in answers, by the right id
-        self._packets = self._collisions = 0
+        self._collisions = 0
         self._now = 0.0
 
     def open(self, now: float) -> None:
@@ -143,7 +141,6 @@ class Bus:
             {servo.servo: servo.position for servo in self.servos},
             {servo.servo: servo.output for servo in self.servos},
             {servo.servo: bool(servo.get("torque_enable")) for servo in self.servos},
-            self._packets,
             self._collisions,
         )
 
@@ -153,7 +150,6 @@ class Bus:
             self._received.append(byte)
             for packet in take_packets(self._received):
                 self._run_until(time)
-                self._packets += 1
                 self._process(packet, time)
         self._run_until(now)
 

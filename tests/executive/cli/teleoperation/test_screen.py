@@ -7,7 +7,9 @@ from dataclasses import replace
 from executive.api.events import Where
 from executive.api.move import Move
 from executive.api.outcome import Cause, GoalState, Outcome, cause_of
+from executive.cli.jogging.arms import OwnArm
 from executive.cli.teleoperation.screen import TeleopScreen
+from executive.cli.teleoperation.servo_leader import HandGuidedArm
 from hardware import State, load_robot
 from hardware.errors import PortLost
 from logs import MOVE
@@ -18,10 +20,8 @@ JOINTS = load_robot().actuated[:1]
 WHERE = Where(State.ACTIVE, {"joint_1": "rad"}, commanded={"joint_1": 0.0})
 
 
-class Arm:
+class Arm(OwnArm):
     """An arm whose moves last until it is stopped."""
-
-    by_hand = False
 
     def __init__(self) -> None:
         self.there = WHERE
@@ -40,14 +40,11 @@ class Arm:
     def where(self) -> Where:
         return self.there
 
-    def watch(self, changed: Callable[[], None]) -> None:
-        changed()
-
     def fault(self) -> Cause | None:
         return self.cause
 
 
-class Leader:
+class Leader(HandGuidedArm):
     """A leader that is lost when a test says so."""
 
     def __init__(self) -> None:
