@@ -169,6 +169,8 @@ def test_a_breakpoint_holds_the_goal_until_a_step(open_page: Open, page_server: 
     shows(tab, "#paused", "^Paused at .*Step or resume")
     is_accessible(tab)
     assert page_server.executive.status().paused
+    tab.click("#step")
+    shows(tab, "#paused", "^Paused at Fail")
     tab.click("#resume")
     shows(tab, "#goal-state", "attempt 2")  # before, the pause of the first may still be shown
     shows(tab, "#paused", "^Paused at")
