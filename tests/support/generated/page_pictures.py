@@ -111,21 +111,27 @@ def show_moment(tab: Any, share: float) -> None:
     )
 
 
-def compare(tab: Any) -> None:
+def show_acts(tab: Any) -> None:
+    """Show the newest recording in its middle, and what is done with it also on a phone."""
     show_middle(tab)
+    tab.locator("#more").evaluate("each => { each.checked = true }")
+
+
+def compare(tab: Any) -> None:
+    show_acts(tab)
     tab.select_option("#compare", index=1)
     shows(tab, "#comparison", "joint_1")
 
 
 def delete_and_restore(tab: Any) -> None:
-    show_middle(tab)
+    show_acts(tab)
     tab.click("#delete")
     tab.click("#runs-note button")
     shows(tab, "#runs-note", "Restored")
 
 
 def verify(tab: Any) -> None:
-    show_middle(tab)
+    show_acts(tab)
     tab.click("#verify")
     shows(tab, "#player-note", "goal -> plan")
 

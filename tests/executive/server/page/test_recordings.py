@@ -233,6 +233,8 @@ def test_two_recordings_are_compared_at_one_moment(open_page: Open, page_server:
     run(page_server, *moves)
     tab = open_page(viewport={"width": 390, "height": 844}, color_scheme="dark")
     shows(tab, "#shown", "^move joint_1=10deg, recorded$")
+    assert tab.evaluate("document.getElementById('player').offsetHeight") < 100
+    tab.check("#more")
     tab.select_option("#compare", index=1)
     tab.locator("#time-panel").scroll_into_view_if_needed()
     shows(tab, "#plots figcaption span", "^Position .deg.; dotted: the other run$")

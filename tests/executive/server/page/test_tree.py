@@ -71,6 +71,10 @@ def test_why_an_earlier_run_failed(open_page: Open, page_server: Served) -> None
     expect(tab, "#tree .at-work").to_have_count(4)  # the path to the failure
     tab.click("#failure .link")
     expect(tab, row("Fail")).to_have_attribute("aria-selected", "true")
+    tab.emulate_media(color_scheme="dark", forced_colors="active")  # leaves no shadow
+    for marked in (row("Fail"), "#runs [aria-current]"):
+        expect(tab, marked).to_have_css("border-left-style", "solid")
+    tab.emulate_media(color_scheme="dark", forced_colors="none")
     shows(tab, "#node", "deliver/retry/sequence/Fail")
     tab.keyboard.press("ArrowUp")
     assert focused(tab) == "deliver/retry/sequence/show"
