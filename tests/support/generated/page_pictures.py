@@ -230,8 +230,12 @@ def take(context: Any, served: Served, act: Callable[[Any], object], path: Path)
     act(tab)
     tab.locator("#time-panel").scroll_into_view_if_needed()  # plots are drawn when they are seen
     tab.wait_for_timeout(100)
-    # In a picture of the whole page, the player would hide what is behind it.
-    tab.evaluate("document.getElementById('player').style.position = 'static'; scrollTo(0, 0)")
+    # In a picture of the whole page, the player would hide what is behind it, and rows of the tree
+    # that are not on the screen would be empty.
+    tab.evaluate(
+        "document.getElementById('player').style.position = 'static'; scrollTo(0, 0);"
+        "for (const e of document.querySelectorAll('.row')) e.style.contentVisibility = 'visible'"
+    )
     tab.screenshot(path=path, full_page=True)
     context.close()
 
