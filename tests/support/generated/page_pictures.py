@@ -111,21 +111,27 @@ def show_moment(tab: Any, share: float) -> None:
     )
 
 
-def compare(tab: Any) -> None:
+def show_acts(tab: Any) -> None:
+    """Show the newest recording in its middle, and what is done with it also on a phone."""
     show_middle(tab)
+    tab.locator("#more").evaluate("each => { each.checked = true }")
+
+
+def compare(tab: Any) -> None:
+    show_acts(tab)
     tab.select_option("#compare", index=1)
     shows(tab, "#comparison", "joint_1")
 
 
 def delete_and_restore(tab: Any) -> None:
-    show_middle(tab)
+    show_acts(tab)
     tab.click("#delete")
     tab.click("#runs-note button")
     shows(tab, "#runs-note", "Restored")
 
 
 def verify(tab: Any) -> None:
-    show_middle(tab)
+    show_acts(tab)
     tab.click("#verify")
     shows(tab, "#player-note", "goal -> plan")
 
@@ -224,8 +230,12 @@ def take(context: Any, served: Served, act: Callable[[Any], object], path: Path)
     act(tab)
     tab.locator("#time-panel").scroll_into_view_if_needed()  # plots are drawn when they are seen
     tab.wait_for_timeout(100)
-    # In a picture of the whole page, the player would hide what is behind it.
-    tab.evaluate("document.getElementById('player').style.position = 'static'; scrollTo(0, 0)")
+    # In a picture of the whole page, the player would hide what is behind it, and rows of the tree
+    # that are not on the screen would be empty.
+    tab.evaluate(
+        "document.getElementById('player').style.position = 'static'; scrollTo(0, 0);"
+        "for (const e of document.querySelectorAll('.row')) e.style.contentVisibility = 'visible'"
+    )
     tab.screenshot(path=path, full_page=True)
     context.close()
 

@@ -1,6 +1,6 @@
 /** Starts the page: connects the server's events to the model, and the model to the views. */
 
-import { getAtLast, isSignedIn, pathOf, session, signIn } from "./api.js";
+import { getAtLast, isSignedIn, session, signIn } from "./api.js";
 import { Connection } from "./connection.js";
 import { byId, ignoreUnusable, oncePerFrame, reveal, setText } from "./dom.js";
 import { Cursor } from "./model/cursor.js";
@@ -225,10 +225,10 @@ function drawRobot(robot) {
 
 /** Draw the robot of the run that is shown. */
 async function drawShownRobot() {
-  const name = shown.recorded?.name;
-  if (!name) return live ? drawRobot(live) : undefined;
-  const robot = await getAtLast(`${pathOf(name)}/robot`).catch(() => live); // a recording may lack it
-  if (robot && shown.recorded?.name === name) drawRobot(robot);
+  const { recorded } = shown;
+  if (!recorded?.name) return live ? drawRobot(live) : undefined;
+  const robot = await recorded.robot.catch(() => live); // a recording may lack it
+  if (robot && shown.recorded === recorded) drawRobot(robot);
   if (robot && !connection.hasArm) setText(byId("robot", HTMLElement), robot.name);
 }
 

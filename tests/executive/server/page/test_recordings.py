@@ -233,6 +233,8 @@ def test_two_recordings_are_compared_at_one_moment(open_page: Open, page_server:
     run(page_server, *moves)
     tab = open_page(viewport={"width": 390, "height": 844}, color_scheme="dark")
     shows(tab, "#shown", "^move joint_1=10deg, recorded$")
+    assert tab.evaluate("document.getElementById('player').offsetHeight") < 100
+    tab.check("#more")
     tab.select_option("#compare", index=1)
     tab.locator("#time-panel").scroll_into_view_if_needed()
     shows(tab, "#plots figcaption span", "^Position .deg.; dotted: the other run$")
@@ -317,6 +319,12 @@ def test_what_is_done_with_a_recording(open_page: Open, page_server: Served) -> 
     shows(tab, "#player-note", "No longer pinned")
     tab.click("#verify")
     shows(tab, "#player-note", "plan -> frames holds.*goal -> plan holds")
+    asked = list[str]()
+    tab.on("request", lambda each: asked.append(each.url))
+    tab.context.set_offline(True)
+    shows(tab, "#connection", "No connection")
+    with tab.expect_response("**/api/robot"):
+        tab.context.set_offline(False)
     tab.focus("#delete")
     tab.keyboard.press("Enter")
     shows(tab, "#runs-note", "^Deleted task 0 home.*Undo$")
@@ -328,6 +336,8 @@ def test_what_is_done_with_a_recording(open_page: Open, page_server: Served) -> 
     tab.keyboard.press("Enter")
     shows(tab, "#runs-note", "^Restored task 0 home")
     assert (folder / name).exists()
+    assert f"{tab.url}api/recordings/{name}/robot" not in asked  # it may be deleted by then
+    forget(tab, "ERR_INTERNET_DISCONNECTED")
 
 
 def test_recordings_are_viewed_without_an_arm(open_page: Open, page_server: Served) -> None:

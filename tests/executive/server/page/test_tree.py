@@ -71,6 +71,10 @@ def test_why_an_earlier_run_failed(open_page: Open, page_server: Served) -> None
     expect(tab, "#tree .at-work").to_have_count(4)  # the path to the failure
     tab.click("#failure .link")
     expect(tab, row("Fail")).to_have_attribute("aria-selected", "true")
+    tab.emulate_media(color_scheme="dark", forced_colors="active")  # leaves no shadow
+    for marked in (row("Fail"), "#runs [aria-current]"):
+        expect(tab, marked).to_have_css("border-left-style", "solid")
+    tab.emulate_media(color_scheme="dark", forced_colors="none")
     shows(tab, "#node", "deliver/retry/sequence/Fail")
     tab.keyboard.press("ArrowUp")
     assert focused(tab) == "deliver/retry/sequence/show"
@@ -169,6 +173,8 @@ def test_a_breakpoint_holds_the_goal_until_a_step(open_page: Open, page_server: 
     shows(tab, "#paused", "^Paused at .*Step or resume")
     is_accessible(tab)
     assert page_server.executive.status().paused
+    tab.click("#step")
+    shows(tab, "#paused", "^Paused at Fail")
     tab.click("#resume")
     shows(tab, "#goal-state", "attempt 2")  # before, the pause of the first may still be shown
     shows(tab, "#paused", "^Paused at")

@@ -5,7 +5,7 @@
  * not here yet is asked for; until it comes, the arm is where samples of the whole run show it.
  */
 
-import { Refused, get, pathOf } from "../api.js";
+import { Refused, get, getAtLast, pathOf } from "../api.js";
 import { History } from "./history.js";
 import { Run } from "./run.js";
 
@@ -51,6 +51,8 @@ export class RecordedRun extends EventTarget {
   #time = 0;
   #loading = false;
   #gone = false; // the server has the recording no longer
+  /** @type {Promise<import("../arm/model.js").Robot> | undefined} */
+  #robot;
 
   /**
    * @param {string} name of the recording; empty if all events are here
@@ -111,6 +113,11 @@ export class RecordedRun extends EventTarget {
     const wanted = window ? window.to_s : time; // when it plays, the next window is needed soon
     if (!this.#loading && !this.#gone && !this.#find(Math.min(wanted, this.duration))) this.#loadAll(wanted);
     this.dispatchEvent(new Event("change"));
+  }
+
+  /** @returns {Promise<import("../arm/model.js").Robot>} that of the recording, which is asked for once */
+  get robot() {
+    return (this.#robot ??= getAtLast(`${this.#path}/robot`));
   }
 
   /** @returns {import("./run.js").Schedule[]} the motions of the windows that are here */
