@@ -28,12 +28,18 @@ from trees.compile.port_types import declarations, known_skills
 ROOT = Path(__file__).parents[1]
 INCLUDED = {
     "reference/changelog.md": "CHANGELOG.md",
+    "reference/contributing.md": ".github/CONTRIBUTING.md",
     "reference/dependencies.md": "docs/dependencies.md",
     "reference/licence.md": "docs/LICENSE",
     "reference/output.schema.json": "docs/output.schema.json",
+    "reference/security.md": ".github/SECURITY.md",
     "troubleshooting/faults.md": "docs/faults.md",
 }
-_LINKS = {"LICENSE": "licence.md"}
+_LINKS = {
+    "LICENSE": "licence.md",
+    "../docs/LICENSE": "licence.md",
+    "../docs/dependencies.md": "dependencies.md",
+}
 # Pages of names and versions hide the others in the search. The rank of a page is its factor there.
 _NOT_SEARCHED = {"reference/changelog.md", "reference/dependencies.md", "reference/licence.md"}
 _RANKED = {
@@ -41,6 +47,7 @@ _RANKED = {
     "install.md": 2,
     "safety.md": 2,
     "how_to/index.md": 0.5,
+    "how_to/own_driver.md": 0.5,
     "how_to/": 2,
     "troubleshooting/index.md": 4,
     "troubleshooting/messages.md": 2,

@@ -84,6 +84,15 @@ SEARCHED = {
     "graph": "how_to/recordings.html",
     "vision": "comparison.html",
     "two arms": "how_to/fleet.html",
+    "pick and place": "how_to/own_task.html",
+    "simulator": "start.html",
+    "speed": "how_to/move.html",
+    "serial port": "troubleshooting/index.html",
+    "error code": "troubleshooting/messages.html",
+    "logging": "how_to/recordings.html",
+    "csv": "how_to/recordings.html",
+    "macos": "install.html",
+    "vulnerability": "reference/security.html",
 }
 
 _META = "document.querySelector('.md-search-result__meta').textContent"
