@@ -103,7 +103,8 @@ def test_every_block_has_a_language() -> None:
 
 def _mentioned() -> Iterator[tuple[str, str]]:
     """Every command that a page names, in a block or in a sentence."""
-    for path in [*PAGES.rglob("*.md"), ROOT / "README.md", ROOT / ".github" / "CONTRIBUTING.md"]:
+    others = [ROOT / "README.md", *(ROOT / ".github").rglob("*.*")]
+    for path in [*PAGES.rglob("*.md"), *others]:
         text = path.read_text()
         fenced = "".join(words for *_, words in _FENCE.findall(text))
         found = re.findall(r"`(armtree [^`\n]+)`", _FENCE.sub("", text))
