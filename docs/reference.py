@@ -159,7 +159,8 @@ def skills() -> Iterator[str]:
             continue
         yield f"## `{name}`\n\n{_text(inspect.getdoc(kind) or '')}"
         rows = [
-            f"| `{port}` | {'writes' if each.output else 'reads'} | {_cell(str(each))} | "
+            f"| `{port}` | {'writes' if each.output else 'reads'} | "
+            f"{_cell(f'{each}{each.limits}')} | "
             f"{'-' if each.needed else f'`{each.default!r}`'} | {_cell(each.description)} |"
             for port, each in declarations(kind).items()
         ]
