@@ -9,7 +9,7 @@ import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import click
 from mkdocs.config.defaults import MkDocsConfig
@@ -76,6 +76,10 @@ _SECTION = re.compile(
 )
 _NAMED = r"`\1`: "
 _ITEM = re.compile(r"^(\w+): ")
+_ROOMS = ("executive", "hardware", "logs", "skills", "trees")
+# Modules before the name of a class that no other package has.
+_MODULES = re.compile(rf"\b(?:{'|'.join(_ROOMS)}|collections|pathlib|typing)\.(?:\w+\.)*(\w+)")
+_EVENT = " | ".join(each.__name__ for each in get_args(armtree.Event))
 
 
 def command_line() -> Iterator[str]:
@@ -195,15 +199,19 @@ def python() -> Iterator[str]:
 def _is_ours(member: Any) -> bool:
     function = member.fget if isinstance(member, property) else member
     module = getattr(function, "__module__", None) or ""
-    rooms = ("executive.", "skills", "hardware", "logs", "trees")
-    return (inspect.isroutine(member) or isinstance(member, property)) and module.startswith(rooms)
+    return (inspect.isroutine(member) or isinstance(member, property)) and module.startswith(_ROOMS)
 
 
 def _signature(name: str, thing: Any) -> str:
     try:
-        line = f"{name}{inspect.signature(thing)}"
+        line = _MODULES.sub(r"\1", f"{name}{inspect.signature(thing)}")
     except ValueError:
         return ""
+    line = line.replace(_EVENT, "Event").replace("PosixPath(", "Path(")
+    if inspect.unwrap(thing) is not thing:  # the decorator makes a context of a generator
+        line = re.sub(r"-> (Async)?Iterator\[(.*)\]$", r"-> Abstract\1ContextManager[\2]", line)
+    if inspect.iscoroutinefunction(thing):
+        line = f"async {line}"
     if len(line) > _WIDTH:
         before, _, inner = line.partition("(")
         inner, close, after = inner.rpartition(")")

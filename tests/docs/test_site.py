@@ -131,7 +131,8 @@ def test_everything_that_is_generated_is_there(site: Path) -> None:
     assert "<!-- generated" not in "".join(page.read_text() for page in site.rglob("*.html"))
     for page, words in (
         ("reference/command_line", ("armtree log prune", "--recording-timeout", "-h, --help")),
-        ("reference/python", ("armtree.Arm", "armtree.Client", "Client.run")),
+        ("reference/python", ("armtree.Arm", "Client.run", "async where(self) -&gt; Where")),
+        ("reference/python", ("events(self, *kinds: str) -&gt; AbstractContextManager[",)),
         ("reference/skills", ("FollowLeader", "PlanArm")),
         ("reference/http", ("/api/stop",)),
         ("reference/settings", ("ARMTREE_RECORDING_TIMEOUT",)),
