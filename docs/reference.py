@@ -8,6 +8,7 @@ import inspect
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from enum import EnumType
 from pathlib import Path
 from typing import Any, get_args
 
@@ -185,7 +186,11 @@ def python() -> Iterator[str]:
         if not callable(thing):
             yield f"A value of type `{type(thing).__name__}`."
             continue
-        yield _signature(name, thing)
+        if isinstance(thing, EnumType):
+            members: Any = thing.__members__.items()
+            yield f"One of {', '.join(f'`{each}` ({value.value})' for each, value in members)}."
+        else:
+            yield _signature(name, thing)
         yield _text(inspect.getdoc(thing) or "")
         if inspect.isclass(thing) and not issubclass(thing, BaseException):
             for inner, member in inspect.getmembers(thing):

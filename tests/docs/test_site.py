@@ -133,6 +133,7 @@ def test_everything_that_is_generated_is_there(site: Path) -> None:
         ("reference/command_line", ("armtree log prune", "--recording-timeout", "-h, --help")),
         ("reference/python", ("armtree.Arm", "Client.run", "async where(self) -&gt; Where")),
         ("reference/python", ("events(self, *kinds: str) -&gt; AbstractContextManager[",)),
+        ("reference/python", ("<code>CANCELING</code> (3), <code>SUCCEEDED</code>",)),
         ("reference/skills", ("FollowLeader", "PlanArm")),
         ("reference/http", ("/api/stop",)),
         ("reference/settings", ("ARMTREE_RECORDING_TIMEOUT",)),
