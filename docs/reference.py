@@ -194,7 +194,8 @@ def python() -> Iterator[str]:
         yield _text(inspect.getdoc(thing) or "")
         if inspect.isclass(thing) and not issubclass(thing, BaseException):
             for inner, member in inspect.getmembers(thing):
-                if not inner.startswith("_") and _is_ours(member):
+                alias = getattr(member, "__name__", inner) != inner  # an old name
+                if not (alias or inner.startswith("_")) and _is_ours(member):
                     yield f"### `{name}.{inner}`"
                     if inspect.isroutine(member):
                         yield _signature(inner, member)

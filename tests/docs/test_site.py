@@ -141,6 +141,7 @@ def test_everything_that_is_generated_is_there(site: Path) -> None:
     ):
         text = (site / f"{page}.html").read_text()
         assert [word for word in words if word not in text] == []
+    assert "Skill.judge" not in (site / "reference" / "python.html").read_text()  # an old name
 
 
 def test_the_parts_of_a_docstring_are_paragraphs_and_lists(site: Path) -> None:
