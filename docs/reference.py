@@ -8,8 +8,9 @@ import inspect
 import re
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from enum import EnumType
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import click
 from mkdocs.config.defaults import MkDocsConfig
@@ -28,12 +29,18 @@ from trees.compile.port_types import declarations, known_skills
 ROOT = Path(__file__).parents[1]
 INCLUDED = {
     "reference/changelog.md": "CHANGELOG.md",
+    "reference/contributing.md": ".github/CONTRIBUTING.md",
     "reference/dependencies.md": "docs/dependencies.md",
     "reference/licence.md": "docs/LICENSE",
     "reference/output.schema.json": "docs/output.schema.json",
+    "reference/security.md": ".github/SECURITY.md",
     "troubleshooting/faults.md": "docs/faults.md",
 }
-_LINKS = {"LICENSE": "licence.md"}
+_LINKS = {
+    "LICENSE": "licence.md",
+    "../docs/LICENSE": "licence.md",
+    "../docs/dependencies.md": "dependencies.md",
+}
 # Pages of names and versions hide the others in the search. The rank of a page is its factor there.
 _NOT_SEARCHED = {"reference/changelog.md", "reference/dependencies.md", "reference/licence.md"}
 _RANKED = {
@@ -41,6 +48,7 @@ _RANKED = {
     "install.md": 2,
     "safety.md": 2,
     "how_to/index.md": 0.5,
+    "how_to/own_driver.md": 0.5,
     "how_to/": 2,
     "troubleshooting/index.md": 4,
     "troubleshooting/messages.md": 2,
@@ -69,6 +77,10 @@ _SECTION = re.compile(
 )
 _NAMED = r"`\1`: "
 _ITEM = re.compile(r"^(\w+): ")
+_ROOMS = ("executive", "hardware", "logs", "skills", "trees")
+# Modules before the name of a class that no other package has.
+_MODULES = re.compile(rf"\b(?:{'|'.join(_ROOMS)}|collections|pathlib|typing)\.(?:\w+\.)*(\w+)")
+_EVENT = " | ".join(each.__name__ for each in get_args(armtree.Event))
 
 
 def command_line() -> Iterator[str]:
@@ -152,7 +164,8 @@ def skills() -> Iterator[str]:
             continue
         yield f"## `{name}`\n\n{_text(inspect.getdoc(kind) or '')}"
         rows = [
-            f"| `{port}` | {'writes' if each.output else 'reads'} | {_cell(str(each))} | "
+            f"| `{port}` | {'writes' if each.output else 'reads'} | "
+            f"{_cell(f'{each}{each.limits}')} | "
             f"{'-' if each.needed else f'`{each.default!r}`'} | {_cell(each.description)} |"
             for port, each in declarations(kind).items()
         ]
@@ -173,11 +186,16 @@ def python() -> Iterator[str]:
         if not callable(thing):
             yield f"A value of type `{type(thing).__name__}`."
             continue
-        yield _signature(name, thing)
+        if isinstance(thing, EnumType):
+            members: Any = thing.__members__.items()
+            yield f"One of {', '.join(f'`{each}` ({value.value})' for each, value in members)}."
+        else:
+            yield _signature(name, thing)
         yield _text(inspect.getdoc(thing) or "")
         if inspect.isclass(thing) and not issubclass(thing, BaseException):
             for inner, member in inspect.getmembers(thing):
-                if not inner.startswith("_") and _is_ours(member):
+                alias = getattr(member, "__name__", inner) != inner  # an old name
+                if not (alias or inner.startswith("_")) and _is_ours(member):
                     yield f"### `{name}.{inner}`"
                     if inspect.isroutine(member):
                         yield _signature(inner, member)
@@ -187,15 +205,19 @@ def python() -> Iterator[str]:
 def _is_ours(member: Any) -> bool:
     function = member.fget if isinstance(member, property) else member
     module = getattr(function, "__module__", None) or ""
-    rooms = ("executive.", "skills", "hardware", "logs", "trees")
-    return (inspect.isroutine(member) or isinstance(member, property)) and module.startswith(rooms)
+    return (inspect.isroutine(member) or isinstance(member, property)) and module.startswith(_ROOMS)
 
 
 def _signature(name: str, thing: Any) -> str:
     try:
-        line = f"{name}{inspect.signature(thing)}"
+        line = _MODULES.sub(r"\1", f"{name}{inspect.signature(thing)}")
     except ValueError:
         return ""
+    line = line.replace(_EVENT, "Event").replace("PosixPath(", "Path(")
+    if inspect.unwrap(thing) is not thing:  # the decorator makes a context of a generator
+        line = re.sub(r"-> (Async)?Iterator\[(.*)\]$", r"-> Abstract\1ContextManager[\2]", line)
+    if inspect.iscoroutinefunction(thing):
+        line = f"async {line}"
     if len(line) > _WIDTH:
         before, _, inner = line.partition("(")
         inner, close, after = inner.rpartition(")")

@@ -79,6 +79,21 @@ def test_files_that_the_documents_name_exist() -> None:
         assert [name for name in named if not (ROOT / name).exists()] == []
 
 
+def test_links_of_the_documents_beside_the_site_lead_to_files() -> None:
+    """mkdocs checks those of the site."""
+    readmes = [path for room in ROOMS for path in (ROOT / room).rglob("README.md")]
+    documents = [*ROOT.glob("*.md"), *ROOT.glob(".github/*.md"), *ROOT.glob("docs/*.md"), *readmes]
+    found = [
+        (path, link)
+        for path in documents
+        if "node_modules" not in path.parts
+        for link in re.findall(r"""(?:\]\(|src=")([^)#"]+)""", path.read_text())
+        if not link.startswith("https:")
+    ]
+    assert len(found) > 20
+    assert [(path, link) for path, link in found if not (path.parent / link).exists()] == []
+
+
 def test_the_page_lists_every_event_and_its_fields() -> None:
     _, _, table = (PAGES / "reference" / "output.md").read_text().partition("## Events")
     assert set(re.findall(r"^\| `(\w+)` \|", table, re.MULTILINE)) == {*KINDS, "result", "error"}

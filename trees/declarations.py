@@ -71,8 +71,17 @@ class Declaration:
         kind = self.type.removeprefix(LIST)
         return next(iter(UNITS.get("angle" if kind == "positions" else kind, {})), "")
 
+    @property
+    def limits(self) -> str:
+        """Limits and choices of a value, to write after its type; empty if there are none."""
+        ends = ("at least", self.least), ("at most", self.most)
+        given = [f"{word} {end:g} {self.unit}".rstrip() for word, end in ends if end is not None]
+        given += [f"one of {', '.join(self.choices)}"] if self.choices else []
+        return "".join(f", {each}" for each in given)
+
     def __str__(self) -> str:
-        return words(self.type)
+        text = words(self.type)
+        return text.removesuffix(", or a pose") if self.relative else text
 
 
 def words(kind: str) -> str:

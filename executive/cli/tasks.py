@@ -234,7 +234,8 @@ def skills(as_json: bool) -> None:
         for port, declared in ports.items():
             verb = "writes" if declared.output else "reads"
             default = "" if declared.needed else f", default {declared.default!r}"
-            echo(f"      {verb:<6} {port:<12} {declared}{default}: {declared.description}")
+            accepted = f"{declared}{declared.limits}{default}"
+            echo(f"      {verb:<6} {port:<12} {accepted}: {declared.description}")
 
 
 @command()

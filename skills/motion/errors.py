@@ -189,7 +189,7 @@ class ContactDeepened(StartInCollision):
     """The motion would deepen a contact in which it starts."""
 
     code = "plan.contact_deepened"
-    hint = f"the motion would deepen this: {StartInCollision.hint}"
+    hint = f"the motion would deepen this contact: {StartInCollision.hint}"
 
 
 class GoalInCollision(EndInCollision):

@@ -21,7 +21,7 @@ from ruamel.yaml import YAML
 import armtree
 from executive.cli.main import cli
 from executive.session import open_executive
-from hardware import Robot
+from hardware import Robot, load_robot
 from skills.motion import Pool
 from tests.support.arms.urdfs import urdf
 from tests.support.command_line.typed import typed
@@ -37,7 +37,7 @@ SERVED = {"how_to/move.md", "how_to/server.md"}
 # Pages whose programs run side by side; tests/docs/test_programs.py types their lines.
 SIDE_BY_SIDE = {"how_to/fleet.md", "how_to/language_models.md", "how_to/ros2.md"}
 # Other tests run these: the tour, and that of a driver with its package.
-ELSEWHERE = {"start.md", "install.md", "how_to/own_driver.md", *SIDE_BY_SIDE}
+ELSEWHERE = {"start.md", "how_to/own_driver.md", *SIDE_BY_SIDE}
 # Commands that install or never end, and those of another test.
 NOT_TYPED = ("make ", "armtree serve", "curl ")
 # How many blocks of a page are `text`: no test types their lines from the page.
@@ -86,6 +86,11 @@ def lines(page: str, left_out: tuple[str, ...] = NOT_TYPED) -> list[str]:
     return [line for line in found.splitlines() if line and not line.startswith(left_out)]
 
 
+def texts(page: str, language: str) -> list[str]:
+    """The blocks of a page in a language, in order."""
+    return [block.text for block in BLOCKS if block[:2] == (page, language)]
+
+
 def test_only_these_blocks_are_not_run() -> None:
     assert Counter(block.page for block in BLOCKS if block.language == "text") == TEXT
 
@@ -98,7 +103,8 @@ def test_every_block_has_a_language() -> None:
 
 def _mentioned() -> Iterator[tuple[str, str]]:
     """Every command that a page names, in a block or in a sentence."""
-    for path in [*PAGES.rglob("*.md"), ROOT / "README.md", ROOT / ".github" / "CONTRIBUTING.md"]:
+    others = [ROOT / "README.md", *(ROOT / ".github").rglob("*.*")]
+    for path in [*PAGES.rglob("*.md"), *others]:
         text = path.read_text()
         fenced = "".join(words for *_, words in _FENCE.findall(text))
         found = re.findall(r"`(armtree [^`\n]+)`", _FENCE.sub("", text))
@@ -220,12 +226,47 @@ def test_the_programs_of_the_python_pages(quick: Path, monkeypatch: pytest.Monke
     arm = partial(armtree.Arm, robot=Path(os.environ["ARMTREE_ROBOT"]))
     monkeypatch.setattr(armtree, "Arm", arm)
     names: dict[str, Any] = {}
-    for page in ("how_to/recordings.md", "how_to/python.md"):
+    (quick / "trees").mkdir()
+    for page in ("how_to/recordings.md", "how_to/python.md", "how_to/ci.md"):
         for block in BLOCKS:
             if block[:2] == (page, "python"):
                 exec(compile(block.text, page, "exec"), names)
+    names["test_pick"]()
     assert {"time_ns", "joint_1"} <= {*names["joints"].columns}
     assert len(names["joints"]) > 10
+
+
+def test_the_files_of_reference_pages(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A block that is a part of a file is completed."""
+    monkeypatch.chdir(tmp_path)
+    wave, tree, parameters, subtree = texts("reference/tasks.md", "yaml")
+    head = "task: {0}\nname: {1}\ndescription: A task.\n"
+    uses = "tree:\n  repeat:\n    {Say: {text: $mode, value: $swing}}\n  times: $times\n"
+    for name, text in (
+        ("3_wave.yaml", wave),
+        ("4_tree.yaml", head.format(4, "tree") + tree),
+        ("5_set.yaml", head.format(5, "set") + parameters + uses),
+        ("move_both.yaml", subtree),
+    ):
+        Path("trees", name).parent.mkdir(exist_ok=True)
+        Path("trees", name).write_text(text)
+    status, out, err = typed(tmp_path, "check")
+    assert status == 0, out + err
+
+    (settings,) = texts("reference/settings.md", "toml")
+    Path("armtree.toml").write_text(settings)
+    status, out, err = typed(tmp_path, "config", "recording_timeout")
+    assert (status, "armtree.toml" in out) == (0, True), out + err
+
+
+def test_the_robot_file_of_bus_servos(tmp_path: Path) -> None:
+    (block,) = texts("how_to/bus_servos.md", "toml")
+    (tmp_path / "one.urdf").write_text(urdf([f"base -> arm: revolute joint_1 {_JOINT}"], _SHAPE))
+    (tmp_path / "one.toml").write_text(
+        f'name = "one"\nurdf = "one.urdf"\n{block}\n[groups]\narm = ["joint_1"]\n'
+        '[collision]\nmargin_m = 0.005\nfloor_ignores = []\nallowed = [["base", "arm"]]\n'
+    )
+    assert load_robot(tmp_path / "one.toml").actuated[0].name == "joint_1"
 
 
 def test_the_hook_checks_every_task_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -84,6 +84,15 @@ SEARCHED = {
     "graph": "how_to/recordings.html",
     "vision": "comparison.html",
     "two arms": "how_to/fleet.html",
+    "pick and place": "how_to/own_task.html",
+    "simulator": "start.html",
+    "speed": "how_to/move.html",
+    "serial port": "troubleshooting/index.html",
+    "error code": "troubleshooting/messages.html",
+    "logging": "how_to/recordings.html",
+    "csv": "how_to/recordings.html",
+    "macos": "install.html",
+    "vulnerability": "reference/security.html",
 }
 
 _META = "document.querySelector('.md-search-result__meta').textContent"
@@ -122,7 +131,9 @@ def test_everything_that_is_generated_is_there(site: Path) -> None:
     assert "<!-- generated" not in "".join(page.read_text() for page in site.rglob("*.html"))
     for page, words in (
         ("reference/command_line", ("armtree log prune", "--recording-timeout", "-h, --help")),
-        ("reference/python", ("armtree.Arm", "armtree.Client", "Client.run")),
+        ("reference/python", ("armtree.Arm", "Client.run", "async where(self) -&gt; Where")),
+        ("reference/python", ("events(self, *kinds: str) -&gt; AbstractContextManager[",)),
+        ("reference/python", ("<code>CANCELING</code> (3), <code>SUCCEEDED</code>",)),
         ("reference/skills", ("FollowLeader", "PlanArm")),
         ("reference/http", ("/api/stop",)),
         ("reference/settings", ("ARMTREE_RECORDING_TIMEOUT",)),
@@ -130,6 +141,7 @@ def test_everything_that_is_generated_is_there(site: Path) -> None:
     ):
         text = (site / f"{page}.html").read_text()
         assert [word for word in words if word not in text] == []
+    assert "Skill.judge" not in (site / "reference" / "python.html").read_text()  # an old name
 
 
 def test_the_parts_of_a_docstring_are_paragraphs_and_lists(site: Path) -> None:

@@ -60,6 +60,12 @@ def test_skills_lists_those_of_ones_own() -> None:
         assert re.search(rf"^{name}$", listed, re.MULTILINE)
     rows = armtree("skills", "--json").output.splitlines()
     assert {"skill", "description", "ports"} == set(json.loads(rows[0]))
+    for words in (
+        "is           a text, one of ==, !=, <, <=, >, >=:",
+        "speed        a number, at least 0.01, at most 1, default 1.0:",
+        "by           a mapping from joint names to angles: distances",
+    ):
+        assert f"      reads  {words}" in listed
 
 
 BROKEN = {
