@@ -201,12 +201,11 @@ def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
     """
     from executive.errors import ReplayDiffers
     from executive.recording.archive import restore_robot
-    from hardware import DescriptionError
     from logs import Recording, RecordingError
     from logs.views.comparison import compare
 
     both, known = compare(one, other), dict[str, "Joint"]()
-    with suppress(RecordingError, DescriptionError):  # of another program: without its robot
+    with suppress(RecordingError):  # of another program: without its robot
         known = {joint.name: joint for joint in restore_robot(Recording(one)).joints}
     lines = [both.first or f"all {len(both.runs[0].frames)} frames are the same"]
     if all(run.joints for run in both.runs) and not both.joints:
@@ -256,13 +255,12 @@ def plot(recordings: tuple[Path, ...], output: Path | None, as_json: bool) -> No
 def _scenes(recording: Path) -> "tuple[list[MotionScene], str]":
     """Return the scenes of a recording, and the error if they cannot be drawn, or ""."""
     from executive.preview.motion_drawing import scenes_of
-    from hardware import DescriptionError
     from logs import LogError
     from skills.motion import BadWorld
 
     try:
         return scenes_of(recording), ""
-    except (LogError, DescriptionError, BadWorld, OSError) as error:
+    except (LogError, BadWorld, OSError) as error:
         return [], str(error)
 
 
