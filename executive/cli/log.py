@@ -60,7 +60,8 @@ def ls(folder: Path, as_json: bool) -> None:
     The default of FOLDER is the setting `recordings`, which is ./recordings by default, or the
     working directory if only it has recordings. With `serve --policy queue`, a goal waits in the
     queue until the one before it has ended; the duration includes this time. The list is read from
-    the index of each recording. `log info` reads the whole file, and finds any damage.
+    the index of each recording. `log info` reads the whole file, and finds any damage. A recording
+    that a crash cut off, and that was recovered, is marked `recovered`.
     """
     from logs import LogError, goal_title
     from logs.views.narrative import listing
@@ -75,7 +76,8 @@ def ls(folder: Path, as_json: bool) -> None:
             row = {**_file(path), "unreadable": str(error)}
             echo_result(as_json, row, f"{path.name}  unreadable: {error}")
             continue
-        end = "" if found.complete else "being written" if found.written else "UNFINISHED"
+        end = "being written" if found.written else "UNFINISHED"
+        end = ("recovered" if found.recovered else "") if found.complete else end
         queued = f"waited {found.waited:.2f} s in the queue" if found.waited else ""
         marks = ("pinned" if pinned(path) else "", end, queued)
         task = goal_title(found.goal.task, found.goal.name) if found.goal else "-"
@@ -101,13 +103,12 @@ def _recordings_in(folder: Path) -> list[Path]:
 def info(recording: Path, as_json: bool) -> None:
     """Summarise a recording: task, outcome, timing, files and versions."""
     from logs import RecordingTruncated
-    from logs.records.file_format import RECOVERED
     from logs.views.narrative import overview
 
     found = overview(recording)
     lines = (f"{name:<12}{value}" for name, value in _facts(found))
     echo_result(as_json, found.to_json(), *lines)
-    whole = found.complete and RECOVERED not in found.notes
+    whole = found.complete and not found.recovered
     sys.exit(0 if whole else RecordingTruncated.exit_status)
 
 
@@ -201,12 +202,11 @@ def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
     """
     from executive.errors import ReplayDiffers
     from executive.recording.archive import restore_robot
-    from hardware import DescriptionError
     from logs import Recording, RecordingError
     from logs.views.comparison import compare
 
     both, known = compare(one, other), dict[str, "Joint"]()
-    with suppress(RecordingError, DescriptionError):  # of another program: without its robot
+    with suppress(RecordingError):  # of another program: without its robot
         known = {joint.name: joint for joint in restore_robot(Recording(one)).joints}
     lines = [both.first or f"all {len(both.runs[0].frames)} frames are the same"]
     if all(run.joints for run in both.runs) and not both.joints:
@@ -256,13 +256,12 @@ def plot(recordings: tuple[Path, ...], output: Path | None, as_json: bool) -> No
 def _scenes(recording: Path) -> "tuple[list[MotionScene], str]":
     """Return the scenes of a recording, and the error if they cannot be drawn, or ""."""
     from executive.preview.motion_drawing import scenes_of
-    from hardware import DescriptionError
     from logs import LogError
     from skills.motion import BadWorld
 
     try:
         return scenes_of(recording), ""
-    except (LogError, DescriptionError, BadWorld, OSError) as error:
+    except (LogError, BadWorld, OSError) as error:
         return [], str(error)
 
 

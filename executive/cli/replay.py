@@ -35,7 +35,7 @@ from .terminal.streams import echo
     type=ABOVE_0,
     default=1.0,
     show_default=True,
-    help="2 is twice as fast. At most 1 with --on.",
+    help="2 is twice as fast. With --on: 0.01 to 1.",
 )
 @click.option(
     "--at", type=AT_LEAST_0, metavar="SECONDS", help="With --watch: show only this moment [s]."
@@ -93,16 +93,17 @@ def replay(
 
         play(recordings[0], speed, at, as_json, diagnostics().verbose)
         sys.exit(print_incomplete(recordings[0]))
-    if speed > 1:
-        why = "more than 1 would exceed the limits of the joints; only --watch may be faster"
-        raise click.UsageError(f"--speed {speed:g}: {why}")
     from tempfile import TemporaryDirectory
 
     from executive.replay.send_again import write_replay_task
     from executive.setup import Setup
+    from skills.motion.query import MIN_SPEED
 
     from .support.run_tasks import execute
 
+    if not MIN_SPEED <= speed <= 1:
+        why = f"with --on, it is {MIN_SPEED:g} to 1; more would exceed the limits of the joints"
+        raise click.UsageError(f"--speed {speed:g}: {why}")
     with TemporaryDirectory() as trees:
         setup = Setup(
             port=port,

@@ -69,8 +69,7 @@ def scenes_of(path: Path) -> list[MotionScene]:
     """Return one scene per world with bodies: the bodies, and the motions of the run in it.
 
     Raises:
-        RecordingError: The recording cannot be read, or does not contain the robot.
-        DescriptionError: The recorded robot is invalid.
+        RecordingError: The recording cannot be read, or does not contain a valid robot.
         BadWorld: A body is invalid, or its file is missing.
     """
     recording = Recording(path)

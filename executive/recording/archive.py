@@ -16,7 +16,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from hardware import Robot, load_robot, read_file
+from hardware import DescriptionError, Robot, load_robot, read_file
 from hardware.description.meshes import MAX_MESH_BYTES
 from hardware.description.urdf import UrdfError
 from logs import Attachment, FileKept, Recording, RecordingError, pack
@@ -94,8 +94,7 @@ def restore_robot(recording: Recording) -> Robot:
     """Return the recorded robot.
 
     Raises:
-        RecordingError: The recording does not contain the robot.
-        DescriptionError: The recorded description is invalid.
+        RecordingError: The recording does not contain the robot, or its files are invalid.
     """
     try:
         note = recording.notes[_NOTE]
@@ -110,9 +109,17 @@ def restore_robot(recording: Recording) -> Robot:
     except KeyError as missing:
         what = f"lacks {missing}, so its robot is unknown; another version of armtree recorded it"
         raise RecordingError(recording.path, what) from missing
+    except DescriptionError as cause:
+        what = f"holds a robot that this version of armtree cannot read: {in_recording(str(cause))}"
+        raise RecordingError(recording.path, what) from cause
     except (ValueError, RecursionError) as cause:
         what = f"holds an invalid robot ({cause}); another program wrote it"
         raise RecordingError(recording.path, what) from cause
+
+
+def in_recording(message: str) -> str:
+    """Return a message that names attachments, not the files that they were restored to."""
+    return re.sub(rf"{re.escape(str(_restored_files()))}/([0-9a-f]{{64}}/)?", "", message)
 
 
 def extract_robot(recording: Recording, folder: Path) -> list[Path]:

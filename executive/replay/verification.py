@@ -16,7 +16,7 @@ from multiprocessing import get_context, parent_process
 from pathlib import Path
 
 from executive.errors import ReplayDiffers
-from executive.recording.archive import restore_robot
+from executive.recording.archive import in_recording, restore_robot
 from hardware import HardwareError
 from hardware.printable import plural
 from logs import (
@@ -125,7 +125,7 @@ def verify(path: Path) -> Verification:
             raise cut
         checks = _checks(recording, records)
     except (LogError, HardwareError, ModelUnusable) as error:
-        return Verification(path, (), str(error), error.code, 0.0)
+        return Verification(path, (), in_recording(str(error)), error.code, 0.0)
     except OSError as error:
         return Verification(path, (), str(error), RecordingError.code, 0.0)
     motion = sum(record.duration for record in records if isinstance(record, Schedule))

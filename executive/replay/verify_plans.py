@@ -6,7 +6,7 @@ Each function returns the first difference in words, or an empty string if there
 from collections.abc import Sequence
 from itertools import zip_longest
 
-from executive.recording.archive import restore_world
+from executive.recording.archive import in_recording, restore_world
 from hardware import Robot
 from logs import Plan as RecordedPlan, Schedule
 from skills import StartMoved
@@ -84,7 +84,8 @@ def _plan_difference(
         if answer.code == recorded.code:
             return ""
         then = recorded.code or "a motion"
-        return f"the run had {then}; planning again fails with {answer.code}: {answer}"
+        why = in_recording(str(answer))
+        return f"the run had {then}; planning again fails with {answer.code}: {why}"
     if recorded.code:
         now = f"planning again finds a motion of {answer.duration:.3f} s"
         return f"the run had {recorded.code}; {now}"

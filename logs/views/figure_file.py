@@ -6,8 +6,10 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from hardware import write_file
+from hardware.printable import escaped
 from logs.errors import RecordingError
 from logs.records.file_format import MAGIC
 
@@ -15,7 +17,7 @@ _LEAST_RANGE = 10.0  # smallest range of the y axis [deg]
 
 
 def save(figure: Figure, output: Path) -> None:
-    """Write a figure to a file, or to a pipe.
+    """Write a figure to a file, or to a pipe. Its texts are no formulas.
 
     Args:
         figure: The figure.
@@ -29,6 +31,9 @@ def save(figure: Figure, output: Path) -> None:
         with output.open("rb") as there:
             if there.read(len(MAGIC)) == MAGIC:
                 raise RecordingError(output, "is a recording; name another file for the drawing")
+    for text in figure.findobj(Text):  # recordings and files choose the names
+        text.set_parse_math(False)
+        text.set_text(escaped(text.get_text()))
     FigureCanvasAgg(figure)
     image = BytesIO()  # savefig seeks, and a pipe cannot seek
     figure.savefig(image, format=output.suffix.lower()[1:] or "png")

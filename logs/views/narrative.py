@@ -40,8 +40,9 @@ class Listing:
     Attributes:
         path: The file.
         bytes: Its size [bytes].
-        complete: True if it has its end, and the parts that were read have no damage.
+        complete: True if the file has its end, and the parts that were read have no damage.
         written: True if it is being written.
+        recovered: True if it was cut off or damaged, and recovered. Its run may lack its end.
         goal: The goal; None in a recording without a goal, such as a server's own.
         result: The result of that goal, or None.
         frames: Number of frames sent, including holds.
@@ -51,6 +52,7 @@ class Listing:
     bytes: int
     complete: bool
     written: bool
+    recovered: bool
     goal: Goal | None
     result: Result | None
     frames: int
@@ -77,6 +79,7 @@ class Listing:
             "bytes": self.bytes,
             "complete": self.complete,
             "being_written": self.written,
+            "recovered": self.recovered,
             "task": goal.task if goal else None,
             "name": goal.name if goal else None,
             "seed": goal.seed if goal else None,
@@ -114,7 +117,6 @@ class Overview(Listing):
         late = sorted(self.late.elements())
         return Listing.to_json(self) | {
             "messages": self.messages,
-            "recovered": RECOVERED in self.notes,
             "holds": self.holds,
             "median_late_ms": late[(len(late) - 1) // 2] if late else None,
             "most_late_ms": late[-1] if late else None,
@@ -136,12 +138,12 @@ def listing(path: Path) -> Listing:
     try:
         recording = IndexedRecording(path)
         goal, result = recording.record_at(0, Goal), recording.record_at(-1, Result)
-        frames = recording.count("/joint_states")
+        frames, recovered = recording.count("/joint_states"), RECOVERED in recording.notes
     except (RecordingInUse, RecordingError):
         return overview(path)
     if goal is None or goal.elsewhere:
         goal = result = None
-    return Listing(path, path.stat().st_size, True, False, goal, result, frames)
+    return Listing(path, path.stat().st_size, True, False, recovered, goal, result, frames)
 
 
 def overview(path: Path) -> Overview:
@@ -173,6 +175,7 @@ def overview(path: Path) -> Overview:
         path.stat().st_size,
         recording.complete,
         not recording.complete and being_written(path),
+        RECOVERED in recording.notes,
         goal,
         result,
         frames,

@@ -89,7 +89,6 @@ def draw(run: Timeline, output: Path, scenes: Sequence[MotionScene] = (), dpi: i
     """
     style = rc_context(
         {
-            "text.parse_math": False,  # messages may contain a $
             "font.size": 8,
             "axes.linewidth": 0.6,
             "axes.edgecolor": _INK,

@@ -12,6 +12,7 @@ import dataclasses
 import json
 import os
 import random
+import shutil
 import signal
 import statistics
 import sys
@@ -27,7 +28,8 @@ ROOT = Path(__file__).parents[2]
 sys.path[0] = str(ROOT)  # in place of this folder
 
 from tests.faults.machine import Busy, measured  # noqa: E402
-from tests.faults.process import Hang, until  # noqa: E402
+from tests.faults.process import INTERRUPTED, Hang, until  # noqa: E402
+from tests.faults.row import Scene  # noqa: E402
 from tests.faults.run import PAGE, SOAK, allowed, described, percentile_99  # noqa: E402
 from tests.faults.soaking import person  # noqa: E402
 from tests.faults.soaking.clients import ACTS, pause  # noqa: E402
@@ -69,26 +71,25 @@ class Soak:
         for client in clients:
             client.start()
         end = time.monotonic() + seconds
-        try:
-            while time.monotonic() < end:
-                pause(self.random, 6.0)
-                self._inject()
-                pause(self.random, 3.0)
-                if self.random.random() < 0.7:
-                    self._recover(strict=False)
-        finally:  # also after Ctrl-C
-            stop.set()
+        while time.monotonic() < end and not INTERRUPTED.is_set():
+            pause(self.random, 6.0)
+            self._inject()
+            pause(self.random, 3.0)
+            if self.random.random() < 0.7:
+                self._recover(strict=False)
+        stop.set()
         for client in clients:
             client.join(150)
             if client.is_alive():
                 self.site.problem("an act of a client does not end")
-        self._quiet()
+        if not INTERRUPTED.is_set():
+            self._quiet()
         return self._count()
 
     def _act(self, stop: threading.Event, seed: str) -> None:
         own = random.Random(seed)
         acts, weights = zip(*ACTS, strict=True)
-        while not stop.is_set():
+        while not (stop.is_set() or INTERRUPTED.is_set()):
             (act,) = own.choices(acts, weights)
             self.acts[act.__name__] += 1
             self._guarded(act.__name__, lambda act=act: act(self.site, own))  # type: ignore[misc]
@@ -253,7 +254,7 @@ def section(found: Mapping[str, Any]) -> str:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Exit status 0 if everything held."""
+    """Exit status 0 if everything held, 130 after Ctrl-C or SIGTERM."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--minutes", type=float, help="default: 60, and the page is written")
     parser.add_argument("--seed", default=str(random.randrange(10**6)))
@@ -261,29 +262,23 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--keep", action="store_true", help="keep the folder in any case")
     parser.add_argument("--page", action="store_true", help="write docs/faults.md in any case")
     given = parser.parse_args(arguments)
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # as Ctrl-C
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: INTERRUPTED.set())  # then nothing waits any more
     folder = Path(tempfile.mkdtemp(prefix="armtree-soak-"))
-    busy = measured()
-    site = Site(folder, given.seed)
-    soak = Soak(site, given.seed)
-    say(f"seed {given.seed}, folder {folder}, {site.words}")
-    say(header())
-    end = soak.begin + 60 * (given.minutes or HOUR)
-    reported = 0
+    scene, busy = Scene(folder, given.seed), measured()
     try:
-        person.works(site)
-        while site.server.popen.poll() is None:
-            say(line(soak.round(min(ROUND_S, max(5.0, end - time.monotonic())))))
-            for problem in site.problems[reported:]:
-                say(f"    {problem}")
-            reported = len(site.problems)
-            if time.monotonic() > end:
-                break
-        site.problems += growth(soak.samples)
-        soak.judge_stops(busy)
-        soak.end()
+        site = Site(scene)
+        soak = Soak(site, given.seed)
+        say(f"seed {given.seed}, folder {folder}, {site.words}")
+        reported = use(soak, 60 * (given.minutes or HOUR), busy)
+    except Hang:
+        if not INTERRUPTED.is_set():
+            raise
     finally:
-        site.scene.finish()
+        scene.finish()
+    if INTERRUPTED.is_set():  # what it has cut off is no finding
+        shutil.rmtree(folder, ignore_errors=True)
+        return 130
     found = report(soak, busy)
     if given.page or given.minutes is None:
         PAGE.write_text(PAGE.read_text().partition(SOAK)[0] + SOAK + "\n" + section(found))
@@ -298,6 +293,27 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if not (site.problems or given.keep):
         site.remove()
     return int(bool(site.problems))
+
+
+def use(soak: Soak, seconds: float, busy: Busy) -> int:
+    """Use a site for so long, and print each round; return how many problems were printed."""
+    site, end, reported = soak.site, soak.begin + seconds, 0
+    say(header())
+    person.works(site)
+    while site.server.popen.poll() is None:
+        sample = soak.round(min(ROUND_S, max(5.0, end - time.monotonic())))
+        if INTERRUPTED.is_set():
+            return 0
+        say(line(sample))
+        for problem in site.problems[reported:]:
+            say(f"    {problem}")
+        reported = len(site.problems)
+        if time.monotonic() > end:
+            break
+    site.problems += growth(soak.samples)
+    soak.judge_stops(busy)
+    soak.end()
+    return reported
 
 
 def say(text: str) -> None:

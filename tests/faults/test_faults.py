@@ -18,6 +18,7 @@ from tests.faults.machine import Busy, measured
 from tests.faults.process import kill, processes, until, variables_of
 from tests.faults.row import Row, Scene, compare, inject, verify
 from tests.faults.rows.host import shifts
+from tests.faults.rows.planning import command_line
 from tests.faults.run import PAGE, SOAK, examined, found, main, promised, rows
 from tests.faults.soaking.figures import Sample, growth
 
@@ -257,6 +258,20 @@ def test_sigterm_ends_all_that_was_started(tmp_path: Path, row: str) -> None:
         program.terminate()
         assert program.wait(60) == 130
     until("the end of all", lambda: not under(tmp_path))
+
+
+@pytest.mark.slow
+def test_sigterm_ends_a_soak(tmp_path: Path) -> None:
+    """Also the hostile clients, which never end by themselves; this seed begins with them."""
+    program = str(PROGRAM.with_name("soak.py"))
+    command = [sys.executable, program, "--minutes=5", "--seed=509"]
+    variables = {**os.environ, "TMPDIR": str(tmp_path)}
+    with subprocess.Popen(command, env=variables, stdout=subprocess.DEVNULL) as soak:
+        until("a flood", lambda: any("hostile.py" in command_line(one) for one in under(tmp_path)))
+        soak.terminate()
+        assert soak.wait(60) == 130
+    until("the end of all", lambda: not under(tmp_path))
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.slow

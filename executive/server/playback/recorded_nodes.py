@@ -27,8 +27,7 @@ def recorded_nodes(recording: logs.Recording, task: int) -> list[dict[str, Any]]
         task: Number of its task.
 
     Raises:
-        RecordingError: The recording does not contain its robot.
-        DescriptionError: The robot is invalid.
+        RecordingError: The recording does not contain a valid robot.
     """
     robot = restore_robot(recording)
     texts = {

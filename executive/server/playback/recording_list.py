@@ -142,8 +142,7 @@ class RecordingFolder:
 
         Raises:
             NotFound: There is no such recording.
-            LogError: The recording does not contain its robot.
-            DescriptionError: The robot is invalid.
+            LogError: The recording does not contain a valid robot.
         """
         make = lambda path: RobotScene(restore_robot(IndexedRecording(path)))  # noqa: E731
         return self._get(self._scenes, name, make)
@@ -152,7 +151,7 @@ class RecordingFolder:
         """Return the nodes of a recorded task. See `recorded_nodes`.
 
         Raises:
-            NotFound, LogError, DescriptionError: `scene` failed.
+            NotFound, LogError: `scene` failed.
         """
 
         def make(path: Path) -> list[Json]:

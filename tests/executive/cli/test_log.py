@@ -1,14 +1,16 @@
 """`armtree log`, in this process."""
 
+import json
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 from click.testing import CliRunner
 
 from armtree import EXAMPLES
 from executive.cli.main import cli
-from logs import Goal
+from logs import Goal, recover
 from logs.records.records import Sent
 from tests.logs.test_run import RUNS, record
 from tests.logs.writing.test_compaction import run_journal
@@ -43,6 +45,24 @@ def test_ls_shortens_a_long_title_so_that_the_columns_stay_aligned(tmp_path: Pat
     assert long.index("0 frames") == short.index("0 frames")
     assert "  move joint_1=10deg join… NO END" in long
     assert title in CliRunner().invoke(cli, ["log", "ls", str(tmp_path), "--json"]).output
+
+
+def test_ls_marks_a_recovered_recording_whose_file_is_complete(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    run_journal(path, finish=False)
+    (before,) = rows("log", "ls", str(tmp_path))
+    recover(path)
+    (row,) = rows("log", "ls", str(tmp_path))
+    assert (before["complete"], before["recovered"]) == (False, False)
+    assert (row["complete"], row["recovered"]) == (True, True)
+    assert row.items() - {"pinned": False}.items() <= rows("log", "info", str(path))[0].items()
+    assert CliRunner().invoke(cli, ["log", "ls", str(tmp_path)]).output.endswith(" kB  recovered\n")
+
+
+def rows(*words: str) -> list[dict[str, Any]]:
+    """What a command prints with --json."""
+    printed = CliRunner().invoke(cli, [*words, "--json"]).stdout
+    return [json.loads(line) for line in printed.splitlines()]
 
 
 def test_diff_prints_degrees_if_the_recording_has_the_robot(tmp_path: Path) -> None:

@@ -14,7 +14,7 @@ from hardware import load_robot
 from logs.records.cdr import Message, decode, encode
 from tests.executive.replay.test_verification import field
 from tests.support.command_line.typed import typed
-from tests.support.paths import EXAMPLES
+from tests.support.paths import EXAMPLES, ROBOT_FILE
 from tests.support.recordings.alterations import Change, each, records_of, retold, rewritten
 from tests.support.recordings.bombs import BOMBS
 
@@ -103,9 +103,9 @@ CHANGES: dict[str, Change] = {
 }
 
 
-def changed(path: Path, change: Change) -> Path:
-    """The example with a change, under the name of a run."""
-    records = records_of(EXAMPLE)
+def changed(path: Path, change: Change, example: Path = EXAMPLE) -> Path:
+    """An example with a change, under the name of a run."""
+    records = records_of(example)
     for record in records:
         change(record)
     return rewritten(path / "20260101T000000.000Z-7.mcap", records)
@@ -125,6 +125,30 @@ def test_a_changed_file_ends_with_a_code(tmp_path: Path, name: str) -> None:
     ends(tmp_path, path, *COMMANDS)
     verify(path)
     list(load_goal_history(tmp_path, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "words"),
+    [
+        ("arduinobot.toml", "name =", "name", "holds a robot that this version of armtree cannot"),
+        ("arduinobot.toml", "baud =", "bauds =", "arduinobot.toml:"),
+        ("arduinobot.urdf", "</robot>", "", "arduinobot.urdf:"),
+        ("arduinobot.toml", "margin_m = 0.005", "margin_m = 1e9", "is unusable for planning"),
+    ],
+)
+def test_the_error_of_a_recorded_robot_names_its_file_in_the_recording(
+    tmp_path: Path, name: str, old: str, new: str, words: str
+) -> None:
+    """Not the temporary file that it was restored to, which is deleted afterwards."""
+    text = (ROBOT_FILE.parent / name).read_text()
+    assert old in text
+    planned = EXAMPLE.with_name("3_wave.mcap")
+    found = verify(changed(tmp_path, file(name, text.replace(old, new).encode()), planned))
+    assert (found.code, found.holds) != ("", True)
+    said = found.text() + found.json()
+    assert words in said
+    assert name in said
+    assert "/armtree-" not in said
 
 
 @pytest.mark.parametrize("name", BOMBS)

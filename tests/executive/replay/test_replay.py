@@ -132,6 +132,7 @@ def test_a_full_disk_is_no_internal_error_and_a_figure_goes_to_a_pipe(
         [],
         ["--verify", "--watch"],
         ["--on", "virtual", "--speed", "2"],
+        ["--on", "virtual", "--speed", "0.009"],
         ["--watch", "--speed", "0"],
         ["--watch", "--speed", "nan"],
         ["--watch", "--at", "nan"],

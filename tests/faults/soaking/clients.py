@@ -11,7 +11,7 @@ from collections.abc import Callable
 from websockets.exceptions import WebSocketException
 from websockets.sync.client import connect
 
-from tests.faults.process import kill
+from tests.faults.process import INTERRUPTED, kill
 from tests.faults.row import TASKS
 
 from .site import Site
@@ -21,8 +21,10 @@ _TYPE = "arduinobot_msgs/action/ArduinobotTask"
 
 
 def pause(random: random.Random, most: float) -> None:
-    """Wait for a random time [s]."""
-    time.sleep(random.uniform(0.0, most))  # noqa: TID251, real time passes for a real server
+    """Wait for a random time [s], or until the program is to end."""
+    end = time.monotonic() + random.uniform(0.0, most)
+    while (left := end - time.monotonic()) > 0.0 and not INTERRUPTED.is_set():
+        time.sleep(min(left, 0.05))  # noqa: TID251, real time passes for a real server
 
 
 def goal(site: Site, random: random.Random) -> None:

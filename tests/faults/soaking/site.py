@@ -31,8 +31,7 @@ class Site:
     """A server, its board, and what was found.
 
     Args:
-        folder: An empty folder.
-        seed: Seed of the policy and of the firmware.
+        scene: An empty folder, and what runs in it. Its seed chooses the policy and the firmware.
 
     Attributes:
         codes: How often each code came.
@@ -48,9 +47,10 @@ class Site:
         stops: How long each stop took, without the time for which the server was frozen [s].
     """
 
-    def __init__(self, folder: Path, seed: str) -> None:
-        self.scene = Scene(folder, seed)
-        self.folder, random = folder, self.scene.random
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        folder, random = scene.folder, scene.random
+        self.folder = folder
         self.codes: Counter[str] = Counter()
         self.problems: list[str] = []
         self.frozen: list[tuple[float, float]] = []
@@ -208,8 +208,9 @@ class Site:
             return
         words = ("replay", *map(str, files), "--verify", "--jobs", "1", "--json")
         command = self.command(*words, server=False)
-        status = command.wait(20 * HANG_S)
-        text = self.ended(command)
+        with contextlib.closing(command):
+            status = command.wait(20 * HANG_S)
+            text = self.ended(command)
         held = sum(json.loads(each)["holds"] for each in text.splitlines() if each[:1] == "{")
         spoiled = self.disk_spoiled or (last and self.disk_failed)
         if excused := status == _INCOMPLETE and spoiled:

@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 
 from logs import Measured, NodeStatus, Plan, RecordingError, Sent, plot
+from logs.views.comparison import compare
+from logs.views.comparison_figure import draw_comparison
 from logs.views.timeline import Timeline, timeline
 from tests.logs.test_run import ARM, GRIPPER, RUNS, frame, node, plan, record
 
@@ -156,6 +158,21 @@ def test_many_nodes_in_one_millisecond(tmp_path: Path) -> None:
     run, picture = drawn(tmp_path, [*RUNS["ok"][:7], *burst, *RUNS["ok"][7:]])
     assert len(run.rows) == 28
     assert picture.shape[0] > 2500
+
+
+def test_a_text_of_a_recording_is_neither_a_formula_nor_printed(tmp_path: Path) -> None:
+    """matplotlib fails at a wrong formula, and prints a control character in a warning."""
+    words = "$x_{$ \x1b]0;owned\x07"
+    renamed = [
+        dataclasses.replace(each, joints=tuple(words + joint for joint in each.joints))
+        if isinstance(each, Sent)
+        else each
+        for each in RUNS["ok"]
+    ]
+    run, _ = drawn(tmp_path, [*renamed, node(49.0, words, "FAILURE", words)])
+    assert any(words in trace.joint for trace in run.traces)
+    path = tmp_path / "run.mcap"
+    draw_comparison(compare(path, path), tmp_path / "both.png")
 
 
 @pytest.mark.parametrize("keep", [0, 100, 9_000])
