@@ -251,7 +251,7 @@ class PortStalled(LinkError):
 
 
 class BoardError(HardwareError):
-    """The board misbehaves."""
+    """Something is wrong with the board or with a servo."""
 
     code = "hw.board"
     hint = "check the cable and the power of the board"
@@ -453,16 +453,16 @@ class TransitionRefused(HardwareError):
     code = "hw.transition_refused"
     hint = "request a transition that the message lists"
 
+    def __init__(self, why: str, hint: str | None = None) -> None:
+        super().__init__(why)
+        self.hint = hint or self.hint
+
 
 class ActivationStopped(TransitionRefused):
     """The arm was stopped while its board booted, or while its joints moved to their limits."""
 
     code = "hw.activation_stopped"
     hint = "activate the arm again"
-
-    def __init__(self, why: str, hint: str | None = None) -> None:
-        super().__init__(why)
-        self.hint = hint or self.hint
 
 
 class CancelTimeout(HardwareError):

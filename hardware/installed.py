@@ -52,7 +52,7 @@ def version(name: str) -> str:
     """Return the version of a package; empty if it is not installed.
 
     Args:
-        name: Name of the package without hyphens, dots and capitals.
+        name: Name as in its dist-info folder: lower case, with _ for each - and dot.
     """
     for folder in _packages(tuple(sys.path)):
         package, _, number = os.path.basename(folder).removesuffix(".dist-info").partition("-")

@@ -44,7 +44,8 @@ _PERIOD = 0.05  # time between readings of the servos [s]
 @click.option(
     "--restore",
     is_flag=True,
-    help="Write back the values that the servos had before the calibration; with --ids, their ids.",
+    help="Write back the values that the servos had before the calibration, and delete the "
+    "calibration file; with --ids, only write back their ids.",
 )
 def calibrate(
     port: str | None,
@@ -129,7 +130,7 @@ def _show_ranges(calibrator: "Calibrator") -> None:
     note = ""
     with key_by_key() as keyboard, FullScreen(sys.stdout) as screen:
         if keyboard is None:
-            raise Refusal("needs a terminal: it shows a table and reads keys")
+            raise Refusal("armtree calibrate needs a terminal: it shows a table and reads keys")
         while True:
             calibrator.read()
             rows = calibrator.rows

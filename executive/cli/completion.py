@@ -53,7 +53,7 @@ class _Bash(BashComplete):
         return words[1:], word
 
     def format_completion(self, item: CompletionItem) -> str:
-        """Return the line for an item."""
+        """Return the line for a completion: its type and what Bash adds to the kept part."""
         return f"{item.type},{str(item.value).removeprefix(self._kept)}"
 
 

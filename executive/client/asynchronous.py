@@ -393,8 +393,11 @@ class AsyncClient:
         """Send a goal, and wait for its end.
 
         Args:
-            send: `send` or `send_move`, without the identity of the goal.
+            send: Sends the goal. It gets the arguments `goal_id` and `deadman`.
             deadman: True to cancel the goal if this program dies or stops answering.
+
+        Raises:
+            GoalFailed: The goal did not succeed. `outcome` has the cause.
         """
         goal_id = uuid.uuid4().hex
         async with self.hold(goal_id) if deadman else nullcontext():

@@ -72,8 +72,9 @@ class StartPose:
             raise PoseUnconfirmed(_offer(robot, last), "give --pose boot")
         if last is None:
             raise PoseUnconfirmed(
-                f"No recording in {self._recordings} holds a commanded pose; move the arm to its "
-                f'{robot.firmware.words.start_pose}, then confirm the pose "boot"',
+                f"No recording in {self._recordings} holds a commanded pose. Clear the space "
+                "around the arm and switch the board off and on, so that the arm goes to its "
+                f'{robot.firmware.words.start_pose}; then confirm the pose "boot"',
                 "give --pose boot",
             )
         return last.positions

@@ -1,4 +1,8 @@
-"""Stops the running goal, enforces its deadline and decides its outcome."""
+"""Stops the running goal, enforces its deadline and decides its outcome.
+
+`Arm.stop` in hardware/arm/arm.py decides how the arm stops: it holds, or slows down first if the
+robot file has `brake_s`. Its torque stays on.
+"""
 
 import logging
 import sys

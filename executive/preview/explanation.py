@@ -89,7 +89,10 @@ class Explanation:
 
     @contextmanager
     def _blaming_the_file(self) -> Iterator[None]:
-        """Name the world file in errors of bodies, unless the task adds the invalid body."""
+        """Raise an error that names the world file if planning fails because of an invalid body.
+
+        If the task added the body, raise the original error.
+        """
         try:
             yield
         except BadWorld:

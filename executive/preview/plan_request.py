@@ -126,7 +126,9 @@ class PlanRequest:
         for group, members in self.robot.groups.items():
             if named.keys() <= set(members):
                 return group
-        raise BadTarget(f"{', '.join(named)} are in several groups; plan for one at a time")
+        raise BadTarget(
+            f"{', '.join(named)} belong to different groups; name the joints of one group only"
+        )
 
 
 @dataclass

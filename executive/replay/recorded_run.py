@@ -26,9 +26,10 @@ class RecordedRun:
 
     @property
     def planner(self) -> Planner:
-        """The planner for the robot. A run without a plan may lack the meshes for it.
+        """The planner for the robot, shared by all runs with the same robot files.
 
-        It is made once, because the folder of the robot's files is named by their content.
+        The name of their folder is a digest of them. Use the planner only for a run with a plan:
+        other recordings may lack the meshes.
 
         Raises:
             ModelUnusable: The robot is unusable for planning.

@@ -181,7 +181,11 @@ def _setpoints(
 
 
 def _motions(path: Path) -> list[tuple[float | None, list[Motion]]]:
-    """Return the started schedules up to each grip, with the time of the grip before them [s].
+    """Split the recording at each grip.
+
+    Returns:
+        For each part: the time of the grip that begins it [s], None for the first; and its
+        schedules of which a frame was sent, with their frames.
 
     Raises:
         NotReplayable: Frames have no schedule.

@@ -383,7 +383,9 @@ class Arm:
     def _request(self, label: str, wanted: State) -> None:
         if self._transition(label) is not wanted:
             refusal, self._refusal = self._refusal, None
-            raise refusal or TransitionRefused(f"{label} failed: the arm is {self.state.value}")
+            raise refusal or TransitionRefused(
+                f"{label} failed: the arm is {self.state.value}", "fix the cause that the log names"
+            )
 
     def _transition(self, label: str) -> State:
         try:

@@ -122,9 +122,11 @@ class Lifecycle:
         if self.state in _PRIMARY:
             self._check(label)  # a refused request must not hold the lock when raise_error needs it
         if not self._changing.acquire(blocking=False):
+            hint = "try again when the transition has ended"
             raise TransitionRefused(
                 f"cannot {label} while a transition is under way: the arm is {self.state.value}; "
-                "try again when it has ended"
+                f"{hint}",
+                hint,
             )
         try:
             self._check(label)
@@ -140,8 +142,9 @@ class Lifecycle:
     def _check(self, label: str) -> None:
         legal = self.legal()
         if label not in legal:
-            hint = f"; legal: {', '.join(legal)}" if legal else "; start armtree again"
-            raise TransitionRefused(f"cannot {label} while {self.state.value}{hint}")
+            hint = None if legal else "start armtree again"
+            way = hint or f"legal: {', '.join(legal)}"
+            raise TransitionRefused(f"cannot {label} while {self.state.value}; {way}", hint)
 
     def _run(self, label: str) -> None:
         """Take an edge, and then the edges that callbacks select, up to a primary state."""

@@ -219,7 +219,7 @@ def read_lerobot(
     try:
         values: Any = json.loads(read_file(path, _MAX_BYTES))
         return {
-            joint.name: _lerobot_joint(values[joint.name], servos[joint.name], ticks)
+            joint.name: _lerobot_joint(joint.name, values[joint.name], servos[joint.name], ticks)
             for joint in joints
         }
     except OSError as error:
@@ -228,21 +228,24 @@ def read_lerobot(
         why = f"has no {error}; it must have the names of the joints in the URDF"
         raise DescriptionError(path, 0, why) from error
     except (ValueError, TypeError, RecursionError) as error:
-        raise DescriptionError(path, 0, f"is not a calibration by LeRobot: {error}") from error
+        why = f"is not a calibration by LeRobot for this arm: {error}; calibrate without --import"
+        raise DescriptionError(path, 0, why) from error
 
 
-def _lerobot_joint(values: Mapping[str, int], servo: int, ticks: int) -> dict[str, int]:
+def _lerobot_joint(joint: str, values: Mapping[str, int], servo: int, ticks: int) -> dict[str, int]:
     names = {"homing": "homing_offset", "least": "range_min", "most": "range_max"}
     if values["drive_mode"] != 0:
-        raise ValueError(f"drive_mode {values['drive_mode']!r} is not 0")
+        raise ValueError(f"{joint} has drive_mode {values['drive_mode']!r}; it must be 0")
     if values["id"] != servo:
-        raise ValueError(f"the id {values['id']!r} is not {servo}, as in the robot file")
+        raise ValueError(f"{joint} has id {values['id']!r}; the robot file has {servo}")
     found = {name: values[key] for name, key in names.items()}
+    given = ", ".join(f"{key} {values[key]!r}" for key in names.values())
     if not all(type(value) is int for value in found.values()):
-        raise ValueError(f"{values!r} has values that are not whole numbers")
+        raise ValueError(f"{joint} has {given}; they must be whole numbers")
     inside = 0 <= found["least"] < found["most"] < ticks
     if not (inside and abs(found["homing"]) < ticks // 2):
-        raise ValueError(f"{values!r} is not a range within a turn")
+        limits = f"0 <= range_min < range_max < {ticks}, homing_offset within +-{ticks // 2 - 1}"
+        raise ValueError(f"{joint} has {given}; needed: {limits}")
     return found
 
 

@@ -103,7 +103,8 @@ def draft_robot(
         tool: Name of the link that carries the tool; None to guess it.
 
     Raises:
-        UrdfUnusable: The URDF has mistakes, or it does not have a given name.
+        UrdfUnusable: The URDF has mistakes, or has no joint or link with a name given in `gripper`
+            or `tool`.
     """
     try:
         urdf = Urdf(read_file(path, MAX_BYTES))

@@ -62,8 +62,8 @@ class CollisionRules:
         allowed: Pairs of links that are not checked.
         floor: Height of the floor in the root frame of the URDF [m]; None for no floor.
         floor_ignores: Links that may touch or intersect the floor.
-        start_contact: Deepest overlap in which a motion may start, and which it may not deepen
-            [m]; 0 if a motion may not start closer than the margin.
+        start_contact: Deepest overlap in which a motion may start [m]; 0 if a motion may not start
+            closer than the margin. The motion deepens an overlap by at most 1 mm.
     """
 
     margin: float

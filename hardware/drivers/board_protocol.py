@@ -96,7 +96,7 @@ class BoardProtocol:
         """Process received bytes: any number, in any pieces, possibly damaged.
 
         Raises:
-            BoardError: The board misbehaves.
+            BoardError: The bytes show that something is wrong with the board or with a servo.
         """
 
     def poll(self, now: float) -> bytes:

@@ -25,6 +25,7 @@ _CHUNK, _MESSAGE_INDEX, _ATTACHMENT, _METADATA = 0x06, 0x07, 0x09, 0x0C
 _FOOTER = Struct("<BQQQI")  # opcode, length, offsets of the summary, checksum
 _INDEX_HEAD = Struct("<HI")  # channel, and number of following bytes
 _INDEX_ENTRY = Struct("<QQ")  # time, and offset in the chunk
+_FOREIGN = "another program wrote the file; give the recording that armtree wrote"
 
 T = TypeVar("T")
 Entry = tuple[int, int]  # time of a message [ns], and offset in the data of its chunk
@@ -145,7 +146,7 @@ class IndexedRecording(Recording):
             RecordingError: The file has no statistics.
         """
         if (statistics := self._summary.statistics) is None:
-            raise RecordingError(self.path, "has no statistics; type armtree log recover FILE")
+            raise RecordingError(self.path, f"has no statistics: {_FOREIGN}")
         counts, channels = statistics.channel_message_counts, self._summary.channels
         return sum(counts.get(number, 0) for number, c in channels.items() if c.topic == topic)
 
@@ -188,7 +189,7 @@ class IndexedRecording(Recording):
             raise RecordingError(self.path, "has no index; type armtree log recover FILE")
         offsets = [each.chunk_start_offset for each in summary.chunk_indexes]
         if len(set(offsets)) < len(offsets):
-            raise RecordingError(self.path, "has an invalid index; another program wrote the file")
+            raise RecordingError(self.path, f"lists a chunk twice in its index: {_FOREIGN}")
         return summary
 
 
@@ -307,5 +308,5 @@ def _record(stream: BinaryIO, at: int, expected: int) -> bytes:
     stream.seek(at)
     opcode, length = HEAD.unpack(stream.read(HEAD.size))
     if opcode != expected or length > min(MAX_RECORD, os.fstat(stream.fileno()).st_size):
-        raise BadRecord(f"opcode {opcode} of {length} bytes at {at}")
+        raise BadRecord(f"an invalid record at byte {at}: type {opcode}, {length} bytes")
     return stream.read(length)

@@ -258,7 +258,11 @@ def _described(topic: Topic, name: str, number: int) -> mcap.Channel:
 
 @lru_cache(maxsize=1)
 def _head(epoch_ns: int) -> bytes:
-    """Return the first piece of every journal."""
+    """Return the bytes that begin a journal: magic, header, metadata, schemas and channels.
+
+    Args:
+        epoch_ns: UTC at time 0 of the records' clock [ns since 1970].
+    """
     schemas = (
         mcap.Schema(number, schema(name).encode(), "ros2msg", name)
         for name, number in _SCHEMAS.items()

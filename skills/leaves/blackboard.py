@@ -21,6 +21,7 @@ _RELATIONS: Mapping[str, Callable[[Any, Any], bool]] = {
 
 _ORDER = ("<", "<=", ">", ">=")
 _NO_ORDER = "texts have no order; compare numbers, or numbers with a known unit such as 200 ms"
+_NO_MATCH = "a text is equal only to a text; compare two texts, or two numbers"
 
 
 class Set(Skill):
@@ -62,7 +63,8 @@ class Compare(Skill):
         right = self.get_input("right")
         texts = [isinstance(value, str) for value in (left, right)]
         if any(texts) and (relation in _ORDER or not all(texts)):
-            raise TypeError(f"{left!r} {relation} {right!r}: a text is equal only to a text")
+            why = _NO_ORDER if relation in _ORDER else _NO_MATCH
+            raise TypeError(f"{left!r} {relation} {right!r}: {why}")
         if not _RELATIONS[relation](left, right):
             raise ConditionFails(f"{left} {relation} {right} is false")
         return Status.SUCCESS

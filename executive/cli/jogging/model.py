@@ -117,11 +117,11 @@ Action = Go | Stop | Leave | Call | Yes
 
 @dataclass(frozen=True, slots=True)
 class KeyCommand:
-    """A command of a key that does not move the arm.
+    """The command of a key. It does not move the arm.
 
     Attributes:
         title: Action of the command, for the line of keys, such as `save pose`; empty to hide it.
-        prompt: Question that a text answers; empty for a command without a text.
+        prompt: Question shown before the user types a text; empty if the command takes none.
         about: What the command does, for the help of ?.
     """
 

@@ -38,10 +38,11 @@ def run_jog(
     Args:
         server: URL of the server; None for an arm of this command.
         options: Fields of a `Setup`.
-        speed: Share of the robot's speed.
-        commands: Callback that returns further commands for the arm with their functions, by key.
+        speed: Share of the robot's speed, 0.01 to 1.
+        commands: Callback that gets the arm and returns further commands, which do not move it: by
+            key, each command with its function.
         title: Title of the screen.
-        steps: Callback that returns the taken steps, for people; None for a jog without steps.
+        steps: Callback that returns the steps of the taught task as texts; None to show no steps.
 
     Returns:
         The exit status.

@@ -70,7 +70,7 @@ class JogScreen(KeyScreen):
         speed: Share of the robot's speed.
         note: First message.
         title: Title of the screen, such as `armtree jog`.
-        steps: Callback that returns the taken steps, for people; None for a jog without steps.
+        steps: Callback that returns the steps of the taught task as texts; None to show no steps.
     """
 
     def __init__(

@@ -1,4 +1,4 @@
-"""Errors on the terminal, and the exit status for each."""
+"""Errors on the terminal. The exit status of each is the `exit_status` of its class."""
 
 import errno
 import json

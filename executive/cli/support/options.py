@@ -78,7 +78,7 @@ own_trees_option = option(
     "trees",
     default=Path("trees"),
     show_default=True,
-    help="Folder with your own files. It is created if it does not exist.",
+    help="Folder with your own tasks and poses. It is created if it does not exist.",
 )
 speed_option = click.option(
     "--speed",

@@ -246,8 +246,8 @@ class _Client:
         if not self._bridge.goal_bucket.take():
             rate, burst = GOAL_RATE
             raise ros.BadGoal(
-                f"more than {burst:g} goals at once and {rate:g} per second [{TooMuch.code}]; "
-                "wait a moment",
+                f"too many goals: at most {burst:g} at once, then {rate:g} per second "
+                f"[{TooMuch.code}]; wait a moment",
                 client_id,
             )
         identity = uuid.uuid4().hex

@@ -1,4 +1,4 @@
-"""Contacts in which a motion starts: it may leave them, and never deepen them.
+"""Contacts in which a motion starts: it may leave them, and deepens none by over 1 mm.
 
 A folded arm rests on itself or on the table. Measured positions, meshes and calibration are exact
 only to some millimetres, so such an arm may seem to overlap slightly.

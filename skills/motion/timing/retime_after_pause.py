@@ -48,7 +48,7 @@ def remaining_plan(request: Rest, group: JointGroup, actuated: Sequence[Joint]) 
     Raises:
         NotFinite: A number of the request is NaN or infinite.
         BadQuery: The request is not valid, the plan is of other joints, the arm is not on the path,
-            or the rest cannot be timed.
+            or it would have to stop on the rest.
     """
     _check(request)
     plan = request.plan
@@ -67,7 +67,7 @@ def remaining_plan(request: Rest, group: JointGroup, actuated: Sequence[Joint]) 
         curve = Curve.line(origin, plan.goal)
     profile = time_curve(curve, plan.velocity, plan.acceleration, group.most_acceleration)
     if profile is None:
-        raise BadQuery("The rest of the motion cannot be timed; plan again")
+        raise BadQuery("The arm cannot follow the rest of the path without a stop; plan again")
     return replace(
         plan, start=start, origin=origin, waypoints=waypoints, curve=curve, profile=profile
     )

@@ -75,9 +75,9 @@ class WorkerProcess:
         return not self._killed and self._process.poll() is None and not self._stopped()
 
     def call(self, request: Request, slow: Callable[[], None] | None = None) -> Result:
-        """Wait for the answer to a request and return it. An error is an answer.
+        """Wait for the answer to a request and return it. Errors are returned, not raised.
 
-        `alive` is then False if the worker died, hung or sent an invalid answer.
+        After the call, `alive` is False if the worker died, hung or sent an invalid answer.
 
         Args:
             request: The request.

@@ -301,9 +301,10 @@ def test_whoever_does_not_hold_the_arm_calibrates_nothing(
 @pytest.mark.parametrize(
     ("changes", "why"),
     [
-        ({"id": 9}, "the id 9 is not 1"),
-        ({"drive_mode": 1}, "drive_mode 1 is not 0"),
-        ({"range_max": 5000}, "is not a range within a turn"),
+        ({"id": 9}, "joint_1 has id 9; the robot file has 1"),
+        ({"drive_mode": 1}, "joint_1 has drive_mode 1; it must be 0"),
+        ({"range_max": 5000}, "needed: 0 <= range_min < range_max < 4096"),
+        ({"range_min": 0.5}, "they must be whole numbers; calibrate without --import"),
     ],
 )
 def test_a_wrong_calibration_by_lerobot_is_refused(

@@ -184,7 +184,9 @@ def test_a_later_activation_starts_from_the_last_commanded_pose(
 def test_there_is_nothing_to_confirm(robot: Robot, tmp_path: Path) -> None:
     with pytest.raises(PoseUnconfirmed, match="no recording holds a commanded pose") as offer:
         StartPose(unreset(robot), "/dev/ttyX", tmp_path, None).find()
-    with pytest.raises(PoseUnconfirmed, match='confirm the pose "boot"') as refusal:
+    with pytest.raises(
+        PoseUnconfirmed, match=r'board off and on.*confirm the pose "boot"'
+    ) as refusal:
         StartPose(unreset(robot), "/dev/ttyX", tmp_path, "last").find()
     assert offer.value.hint == refusal.value.hint == "give --pose boot"
 

@@ -121,5 +121,7 @@ def test_a_file_by_lerobot_must_fit_the_servos(tmp_path: Path) -> None:
     file.write_text(json.dumps({f"joint_{k}": {"id": k, **kept} for k in range(1, 5)}))
     found = read_lerobot(file, robot.actuated, robot.servos, 8192)
     assert found["joint_1"] == {"homing": 3000, "least": 1000, "most": 7000}
-    with pytest.raises(DescriptionError, match="not a range within a turn"):
+    with pytest.raises(
+        DescriptionError, match="joint_1 has homing_offset 3000, range_min 1000, range_max 7000"
+    ):
         read_lerobot(file, robot.actuated, robot.servos, 4096)

@@ -55,12 +55,18 @@ def test_an_order_of_texts_that_is_asked_for_late_is_refused(rig: RigMaker, tmp_
 
 
 @pytest.mark.parametrize(
-    ("left", "relation", "right"), [("1 s", "==", 1.0), (1.0, "!=", "1 s"), ("b", "<", "c")]
+    ("left", "relation", "right", "why"),
+    [
+        ("1 s", "==", 1.0, "a text is equal only to a text"),
+        (1.0, "!=", "1 s", "a text is equal only to a text"),
+        ("b", "<", "c", "texts have no order"),
+        (1.0, ">=", "c", "texts have no order"),
+    ],
 )
 def test_a_text_of_unknown_origin_is_no_measure(
-    bench: Bench, left: object, relation: str, right: object
+    bench: Bench, left: object, relation: str, right: object, why: str
 ) -> None:
     skill = bench.skill(Compare, left=left, right=right, **{"is": relation})
     skill.tick_once()
     assert isinstance(skill.broken, SkillBroken)
-    assert "a text is equal only to a text" in str(skill.broken)
+    assert f"{left!r} {relation} {right!r}: {why}" in str(skill.broken)
