@@ -1,14 +1,18 @@
-"""How soon a run begins.
+"""How soon a run begins, and how long short commands take.
 
 `cold_start_s`: from the start of the process to the first frame on the wire, less the configured
-boot wait. `help_s`: how long `armtree --help` takes.
+boot wait. `help_s`: how long `armtree --help` takes; the other rows are named like their commands.
+`status` and `stop` ask a server on this machine that is idle.
 """
 
 import json
+import re
 import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 # A file beside this one is named like a room, and this folder comes first when run by itself.
@@ -33,20 +37,41 @@ def cold_start() -> float:
     return first - begun - load_robot().serial.boot_wait
 
 
-def help_time() -> float:
-    """One `armtree --help` [s]."""
+@contextmanager
+def serving(folder: str) -> Iterator[str]:
+    """The address of a server with the virtual Arduino."""
+    command = [*ARMTREE, "serve", "--port", "virtual", "--tcp-port", "0", "--recordings", folder]
+    with subprocess.Popen(command, stderr=subprocess.PIPE, text=True) as server:
+        assert server.stderr
+        try:
+            yield next(url for line in server.stderr for url in re.findall(r"http://[\d.:]+", line))
+        finally:
+            server.terminate()
+
+
+def command_time(*words: str) -> float:
+    """One command [s]."""
     begun = time.monotonic()
-    subprocess.run([*ARMTREE, "--help"], stdout=subprocess.DEVNULL, check=True)
+    subprocess.run([*ARMTREE, *words], stdout=subprocess.DEVNULL, check=True)
     return time.monotonic() - begun
 
 
 def main(runs: int, file: Path | None) -> None:
     """Measure and show."""
-    help_time()  # compiles what is not compiled yet
-    rows = [
-        Row("cold_start_s", "s", [cold_start() for _ in range(runs)], at_most=0.35),
-        Row("help_s", "s", [help_time() for _ in range(runs)], at_most=0.12),
-    ]
+    with tempfile.TemporaryDirectory() as folder, serving(folder) as url:
+        commands: dict[str, tuple[str, ...]] = {
+            "help_s": ("--help",),
+            "tasks_s": ("tasks",),
+            "status_s": ("status", "--server", url),
+            "stop_s": ("stop", "--server", url),
+            "log_ls_s": ("log", "ls", folder),
+        }
+        rows = []
+        for name, words in commands.items():
+            command_time(*words)  # compiles what is not compiled yet
+            at_most = 0.12 if name == "help_s" else 0.25
+            rows.append(Row(name, "s", [command_time(*words) for _ in range(runs)], at_most))
+    rows.insert(0, Row("cold_start_s", "s", [cold_start() for _ in range(runs)], at_most=0.35))
     show(rows, file)
 
 

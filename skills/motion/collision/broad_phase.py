@@ -19,7 +19,7 @@ BATCH = 500  # configurations per call
 # hulls around boxes and cylinders, and for hulls around meshes.
 MAX_PRIMITIVE_PAIRS, MAX_MESH_PAIRS = 8000, 2000
 # Largest number of shapes for which a comparison of all boxes is faster than a tree of boxes.
-_FEW_SHAPES = 64
+FEW_SHAPES = 64
 _ROWS = 32  # most rows between two checks of the deadline, if all boxes are compared
 
 
@@ -50,7 +50,7 @@ class BroadPhase:
         self._parts = list[_Part]()
         if not boxes:
             self._parts.append(_Pool(scene, pin.GeometryPool, np.arange(count)))
-        elif hulls <= _FEW_SHAPES:
+        elif hulls <= FEW_SHAPES:
             self._parts.append(_AllBoxes(scene, np.arange(count)))
         else:
             boxed = _boxed_pairs(scene)

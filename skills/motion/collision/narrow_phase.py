@@ -9,7 +9,7 @@ import pinocchio as pin
 
 from skills.motion.arrays import Array, Mask
 
-from .broad_phase import BATCH, collide
+from .broad_phase import BATCH, FEW_SHAPES, collide
 from .planning_scene import PlanningScene, ShapePairs, part_of
 
 _CONTACT = coal.CollisionRequest()
@@ -43,8 +43,11 @@ class NarrowPhase:
 
     # Loaded at their first use: large worlds take milliseconds for each of these.
     @cached_property
-    def _boxes(self) -> pin.BroadPhaseManager_DynamicAABBTreeCollisionManager:
-        kind = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager
+    def _boxes(self) -> object:  # pinocchio has no common type for its managers of boxes
+        if len(self._scene.exact.geometryObjects) <= FEW_SHAPES:
+            kind = pin.BroadPhaseManager_NaiveCollisionManager
+        else:
+            kind = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager
         return kind(self._scene.kinematics, self._scene.exact, self._placed)
 
     @cached_property
@@ -57,7 +60,7 @@ class NarrowPhase:
         pin.updateGeometryPlacements(model, joints, exact, self._placed, q)
 
     def touch(self, q: Array) -> bool:
-        """Place the shapes like `place`. Return True if shapes with a bounded box touch."""
+        """Place the shapes like `place`. Return True if shapes touch. May miss the floor."""
         model, joints = self._scene.kinematics, self._joints
         return bool(pin.computeCollisions(model, joints, self._boxes, q, True))
 

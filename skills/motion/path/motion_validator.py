@@ -27,8 +27,8 @@ _LEVELS = 3
 _REFINEMENT = 4
 _CHUNK = 2**14  # section numbers generated at a time
 _CACHED = 2**11  # largest number of sections with a cached order
-# Checked shares of a line, in this order.
-_SAMPLES = np.array([6.0, 3.0, 1.0, 5.0, 2.0, 4.0])[:, None] / 6.0
+# Checked shares of a line between two free points, in this order.
+_SAMPLES = np.array([3.0, 1.0, 5.0, 2.0, 4.0])[:, None] / 6.0
 _SUBSECTIONS = np.arange(1.0 - _REFINEMENT, _REFINEMENT, 2.0)
 
 Path = Callable[[Array], Array]  # shares of a path (N,) -> points (N, J) [rad]
@@ -72,7 +72,7 @@ class MotionValidator:
         return self.group.full(self.start, points)
 
     def seems_free(self, a: Array, b: Array) -> bool:
-        """Return True if some points of a line (J,) [rad] keep the margin. This is not a proof."""
+        """Return True if some points between two free points keep the margin: no proof."""
         return self.sampled_collision(a + _SAMPLES * (b - a)) is None
 
     def free_points(self, points: Array) -> Mask:

@@ -28,7 +28,7 @@ _FEW_SHARES = _SHARES[:7]
 _LINE_SAMPLES = np.linspace(0.0, 1.0, 8)[1:-1, None]
 _NO_RADIUS = np.zeros(1)
 _T = np.linspace(0.0, 1.0, 11)[1:-1, None, None]
-_MIDDLE = np.arange(len(_T)) == len(_T) // 2
+_FIRST = np.isin(np.arange(len(_T)), (0, len(_T) // 2, len(_T) - 1))  # samples filtered first
 _BEND_WEIGHTS = np.array([(1.0 - _T) ** 2, 2.0 * _T * (1.0 - _T), _T**2])
 _CORNER_WEIGHTS = np.maximum(0.0, [1.0 - 2.0 * _T, 1.0 - abs(2.0 * _T - 1.0), 2.0 * _T - 1.0])
 
@@ -138,11 +138,11 @@ def _without_collision(
 ) -> Array:
     """Return the via points of the paths that keep the margin of these hulls at all samples.
 
-    The middles of the paths are furthest from the line, and most candidates collide there.
+    Most candidates collide in the middle, far from the line, or near an end in a narrow place.
     """
     if not pairs:
         return points
-    for samples in _MIDDLE, ~_MIDDLE:
+    for samples in _FIRST, ~_FIRST:
         if len(points):
             start, via, end = weights[:, samples]
             positions = start * ends[0] + via * points + end * ends[1]

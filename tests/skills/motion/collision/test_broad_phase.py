@@ -67,7 +67,7 @@ def test_boxes_miss_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
 
     draws = random.uniform(0.0, 0.1, len(every))
     one_by_one, all_boxes = answers(False), answers(True)
-    monkeypatch.setattr(broad_phase, "_FEW_SHAPES", 0)
+    monkeypatch.setattr(broad_phase, "FEW_SHAPES", 0)
     for found in (all_boxes, answers(True)):
         for (hits, pairs, first), (hits_, pairs_, first_) in zip(found, one_by_one, strict=True):
             assert hits.any()
