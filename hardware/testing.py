@@ -371,6 +371,7 @@ class LinkContract:
                 while len(heard) < 256:
                     heard += link.read()
                 assert heard == bytes(range(256))
+                assert not link.unread
                 link.close()
 
     def test_a_closed_link_reads_nothing_and_refuses_bytes(self) -> None:

@@ -83,6 +83,11 @@ class RecordedLink:
         """Wait for bytes."""
         return self._link.read()
 
+    @property
+    def unread(self) -> bool:
+        """True if bytes have arrived that `read` has not returned yet."""
+        return self._link.unread
+
     def close(self, discard: bool = False) -> None:
         """Close the link.
 

@@ -469,12 +469,12 @@ class Arm:
         session, until = connection.session, self._clock.now() + self.robot.serial.boot_wait
         self._meanwhile()
         while True:
-            connection.guard.poll()  # without the lock, because it calls an observer
+            earliest = connection.guard.poll()  # without the lock: it calls an observer
             with self._signal:
                 booted = session.boot_frame or self._clock.now() >= until
                 if booted or self._activation_ended:
                     break
-                self._signal.wait(min(until, session.next_poll))
+                self._signal.wait(min(until, max(session.next_poll, earliest)))
         if not self._activation_ended:
             connection.start(self.robot.serial.boot_wait)
         if error := self._activation_ended:

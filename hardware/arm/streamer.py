@@ -405,12 +405,12 @@ class Streamer:
             BoardError: The board does not answer in time.
         """
         while True:
-            self._guard.poll()  # without the lock, because it calls an observer
+            earliest = self._guard.poll()  # without the lock, because it calls an observer
             with self._signal:
                 end = until()
                 if not waiting() or self._clock.now() >= end:
                     return
-                first = min(end, self._session.next_poll)
+                first = min(end, max(self._session.next_poll, earliest))
                 self._signal.wait(None if first == math.inf else first)
 
     def _sleep(

@@ -35,6 +35,8 @@ from .events import OBSERVER_TIMEOUT, CommandSent, FrameSent, Observer, Outbox
 # a position is commanded one period early. A busy host may add two periods: it may send a frame
 # that late, and the next frames on time.
 _PERIODS_BEHIND = 3
+_READER_LATE = 0.05  # longest time that a request waits for the thread that reads [s]
+_READER_WAIT = 0.001  # time between two checks whether it has read [s]
 _VELOCITY_MARGIN = 1.01  # factor of a velocity limit, for rounding in planners
 
 
@@ -185,19 +187,30 @@ class WriteGuard:
         self._outbox.deliver()
         return True
 
-    def poll(self) -> None:
+    def poll(self) -> float:
         """Send the request that is due, if any. A request moves no joint, so any state allows it.
+
+        A busy host may run the thread that reads too late. If received bytes wait for it, they may
+        be the answer, so the request waits for it, too.
+
+        Returns:
+            Earliest time of the next call [s].
 
         Raises:
             LinkError: The port failed.
             BoardError: The board does not answer in time.
         """
-        if self._clock.now() < self._session.next_poll:
-            return
+        now = self._clock.now()
+        late = now - self._session.next_poll
+        if late < 0:
+            return -math.inf
+        if late < _READER_LATE and self._link.unread:
+            return now + _READER_WAIT
         with self._lock:
             if not self._closed:
                 self._send_command(self._session.poll(self._clock.now()), request=True)
         self._outbox.deliver()
+        return -math.inf
 
     def send_fault_commands(self, torque_off: bool) -> None:
         """Send the commands for a fault, also if the guard is closed.

@@ -37,6 +37,10 @@ class Link(Protocol):
             PortLost: The port disappeared.
         """
 
+    @property
+    def unread(self) -> bool:
+        """True if bytes have arrived that `read` has not returned yet. Must not wait."""
+
     def close(self, discard: bool = False) -> None:
         """Close the port and release it. Does nothing if closed. Waiting calls return.
 

@@ -103,6 +103,14 @@ class SerialLink:
             except _LOST as error:
                 raise PortLost(self.port, "Something went wrong while listening") from error
 
+    @property
+    def unread(self) -> bool:
+        """True if bytes have arrived that `read` has not returned yet."""
+        port = self._serial
+        with contextlib.suppress(*_LOST, TypeError):  # `read` reports a lost port
+            return port is not None and port.in_waiting > 0
+        return False
+
     def close(self, discard: bool = False) -> None:
         """Close the port, which releases its lock. A waiting `read` returns.
 

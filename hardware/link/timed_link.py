@@ -61,6 +61,11 @@ class TimedLink:
         """Wait for bytes and return them; empty if the link is closed."""
         return self._link.read()
 
+    @property
+    def unread(self) -> bool:
+        """True if bytes have arrived that `read` has not returned yet."""
+        return self._link.unread
+
     def close(self, discard: bool = False) -> None:
         """Close the link. Raises the errors of the driver.
 

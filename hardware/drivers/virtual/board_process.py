@@ -132,6 +132,12 @@ class VirtualLink:
         link = self._serial
         return link.read() if link else b""
 
+    @property
+    def unread(self) -> bool:
+        """True if bytes have arrived that `read` has not returned yet."""
+        link = self._serial
+        return link is not None and link.unread
+
     def close(self, discard: bool = False) -> None:
         """Close the port as `SerialLink.close` does, and end the process."""
         link, self._serial = self._serial, None

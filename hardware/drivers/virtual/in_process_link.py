@@ -21,6 +21,7 @@ class BoardLink(Generic[Model]):
     """
 
     port = "board"
+    unread = False  # simulated time waits for the thread that reads
 
     def __init__(self, board: Model, clock: Clock) -> None:
         self.board = board
@@ -91,6 +92,7 @@ class NullLink:
     """
 
     port = VIRTUAL
+    unread = False
 
     def __init__(self, clock: Clock) -> None:
         self._changed, self._open = clock.signal(), False

@@ -12,7 +12,7 @@ from hardware.drivers.feetech.virtual.bus import Bus, Fault
 from hardware.drivers.virtual.board_process import BoardProcess
 from tests.faults.means.logged_bus import LoggedBus, logged
 from tests.faults.process import Command
-from tests.faults.row import LATE_S, TASKS, Scene, frames_of, last_line, row
+from tests.faults.row import LATE_S, TASKS, Scene, frames_of, last_line, messages, row
 from tests.support.arms.bus_arms import bus_arm
 
 ALWAYS = 1_000_000  # answers
@@ -115,7 +115,8 @@ def in_motion(
     "a run on a bus without servos, with 1 of 4, wrong ids, one id twice, damaged answers, a servo"
     " that answers for another, low voltage, a joint outside its limits, the calibration of another"
     " arm or none",
-    "the run ends with the code of the cause; no servo gets torque, or moves",
+    "the run ends with the code of the cause; no servo gets torque, or moves; the recording has the"
+    " code, except of an arm that is not calibrated: its run does not start",
     times=10,
 )
 def wrong(scene: Scene) -> None:
@@ -130,6 +131,9 @@ def wrong(scene: Scene) -> None:
             scene.check(code in ended, f"{kind}: {ended}, {last_line(command)}")
             scene.check(not any(after.torque.values()), f"{kind}: a servo has torque")
             scene.check(after.positions == before.positions, f"{kind}: a servo has moved")
+            results = [messages(path, "/result") for path in scene.recordings()[-1:]]
+            told = any(code.encode() in data for each in results for _, data in each)
+            scene.check(told is (kind != "not calibrated"), f"{kind}: recorded is {told}")
 
 
 @row(

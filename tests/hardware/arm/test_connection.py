@@ -13,6 +13,7 @@ class Line:
     """A link from which `read` returns or raises what a test puts."""
 
     port = "line"
+    unread = False
 
     def __init__(self) -> None:
         self.said = queue.Queue[bytes | Exception]()

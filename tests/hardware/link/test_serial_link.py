@@ -218,6 +218,20 @@ def test_bytes_arrive_in_both_directions(line: Pty) -> None:
     link.close()
 
 
+def test_bytes_are_unread_until_they_are_read(line: Pty) -> None:
+    link = SerialLink(line.port, BAUD)
+    assert not link.unread
+    link.open()
+    os.write(line.master, b"READY")
+    while not link.unread:
+        pass  # the kernel passes them on
+    assert link.read() == b"READY"
+    assert not link.unread
+    line.vanish()
+    assert not link.unread
+    link.close()
+
+
 def test_every_call_reports_a_port_lost_while_idle(line: Pty) -> None:
     link = SerialLink(line.port, BAUD)
     link.open()

@@ -21,6 +21,7 @@ class Stuck:
     """A driver. Its calls wait for `leave`."""
 
     port = "can0"
+    unread = False
 
     def __init__(self) -> None:
         self.leave = threading.Event()

@@ -6,7 +6,18 @@ from pathlib import Path
 
 import pytest
 
-from hardware import CommandSent, Faulted, FrameSent, HardwareError, State, load_robot
+from hardware import (
+    Arm,
+    ArmEvent,
+    BoardLink,
+    CommandSent,
+    Faulted,
+    FrameSent,
+    HardwareError,
+    SimulatedClock,
+    State,
+    load_robot,
+)
 from hardware.drivers.feetech.packets import Instruction, take_packets
 from hardware.drivers.feetech.protocol import BusProtocol
 from hardware.drivers.feetech.virtual.bus import Bus, Fault
@@ -277,6 +288,44 @@ def test_a_servo_that_vanishes_while_the_host_is_busy_is_a_fault(
         faults = [event for event in made.events if isinstance(event, Faulted)]
         assert [str(each.error)[:19] for each in faults] == ["Servo 3 of joint_3 "]
         assert faults[0].time - 2.0 < made.robot.firmware.silent_time + 0.05
+
+
+class BusyHost(BoardLink[Bus]):
+    """A link whose bytes are read late, because the host is busy."""
+
+    late = 0.0  # [s]
+
+    def read(self) -> bytes:
+        data, until = super().read(), self._clock.now() + self.late
+        with self._changed:
+            while self._open and self._clock.now() < until:
+                self.unread = True
+                self._changed.wait(until)
+            self.unread = False
+            return data + self.board.read_output(self._clock.now())
+
+
+@pytest.mark.parametrize(("late", "faults"), [(0.04, 0), (5.0, 1)])
+def test_answers_that_the_host_has_not_read_yet_are_not_lost(
+    tmp_path: Path, late: float, faults: int
+) -> None:
+    """The port has them. A host that reads nothing for a second is a fault nevertheless."""
+    robot, clock, events = load_robot(bus_arm(tmp_path)), SimulatedClock(), list[ArmEvent]()
+    model, signal = robot.model(), clock.signal()
+    assert isinstance(model, Bus)
+    link = BusyHost(model, clock)
+    with clock.working(), Arm(robot, link, clock, events.append) as arm, signal:
+        arm.configure()
+        arm.activate()
+        begin, link.late = clock.now(), late
+        while clock.now() < begin + 3.0:
+            signal.wait(begin + 3.0)
+        found = [event.time - begin for event in events if isinstance(event, Faulted)]
+        assert len(found) == faults
+        assert all(time < robot.firmware.silent_time + 0.1 for time in found)
+        if not faults:
+            assert arm.measured
+            assert not any(arm.measured.lost)
 
 
 @pytest.mark.parametrize(

@@ -308,6 +308,23 @@ def moves_in_slowly(made: BusRig, at: int, limit: int) -> None:
     assert not made.faults
 
 
+def test_the_joints_stand_still_30_ms_after_a_stop(tmp_path: Path) -> None:
+    with rig(tmp_path) as made:
+        made.arm.activate()
+        made.arm.play(made.schedule(PICK, 1.5), made.wake, "test", made.arm.generation)
+        made.wait(0.8)
+        places = []
+        for pause in (0.03, 1.0, 0.0):
+            made.arm.stop()
+            places.append(made.bus.state(made.clock.now()).positions)
+            made.wait(pause)
+        begin, soon, end = places
+        for servo, position in end.items():
+            assert abs(position - soon[servo]) <= 1
+            assert abs(position - begin[servo]) < 2 * 4096 / 360
+        assert any(end[servo] != begin[servo] for servo in end)
+
+
 @pytest.mark.slow
 def test_lost_and_damaged_answers_are_asked_for_again(tmp_path: Path) -> None:
     faults = Fault("lose", 2, 2.0, 3), Fault("damage", 4, 3.0, 3)

@@ -182,6 +182,23 @@ def test_a_servo_in_another_mode_gets_no_torque(tmp_path: Path, mode: int) -> No
         assert not any(made.bus.state(made.clock.now()).torque.values())
 
 
+@pytest.mark.parametrize("series", ["sts", "scs"])
+def test_nothing_is_written_to_the_memory_that_servos_keep(tmp_path: Path, series: str) -> None:
+    with rig(tmp_path, Fault("vanish", 4, 9.0), series=series) as made:
+        first, count = made.bus.servos[0].series.blocks[0]
+        before = [servo.read(first, count) for servo in made.bus.servos]
+        made.arm.activate()
+        assert made.play(PICK, 4.0) is None
+        for on in (False, True):
+            made.arm.switch_torque(on)
+        made.arm.deactivate()
+        made.arm.activate()
+        assert isinstance(made.play(HOME, 8.0), ServoSilent)
+        made.wait(0.5)
+        made.bus.connect(made.clock.now())
+        assert [servo.read(first, count) for servo in made.bus.servos] == before
+
+
 def test_a_board_without_the_ability_refuses_it() -> None:
     made = Rig()
     with made.clock.working(), made.arm:
