@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hardware import Arm, RealClock, Robot
 from hardware.description.neighbours import shape_warnings
-from hardware.spelling import closest, did_you_mean
+from hardware.spelling import closest, did_you_mean, suggested
 from skills import (
     BadTarget,
     Context,
@@ -325,8 +325,11 @@ class _Checker:
         joint = str(location[-1]) if location else ""
         item = nested(pose).get(joint)
         name = pose.label.location.rpartition(".")[2]
-        if not item or joint not in {each.name for each in robot.joints}:
+        if not item:
             return Mistake(pose.label, f"{name}: {error}")
+        if joint not in {each.name for each in robot.joints}:
+            right = item.label.replaced(joint, suggested(str(error)))
+            return Mistake(item.label, f"{name}: {error}", right)
         unit = robot.joint(joint).unit
         for text, factor in in_smaller_units(item.value, unit):
             if not joint_errors(robot, Positions({joint: known[joint] * factor})):

@@ -40,6 +40,7 @@ _NODE = "a node"  # its name cannot be a name of a user's own
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WORDS = re.compile(r"[A-Za-z]+( [A-Za-z]+)+")
+_PATH = re.compile(r"[\w./\\-]*[/\\][\w.-]+")
 # Words of other programs for the key `with`.
 _WITH = ("args", "arguments", "params", "parameters", "ports", "inputs", "input", "values")
 
@@ -197,11 +198,8 @@ class NodeParser:
         why = f"{what}: {value} is not a name (a letter, then letters, digits, _ or -)"
         if self.is_name(named):
             return self._as_named(value, what, why, named)
-        stem = (
-            re.split(r"[/\\]", str(value.value or "").partition(" //")[0].rstrip())[-1]
-            .removesuffix(".yaml")
-            .lstrip("$")
-        )
+        stem = str(value.value or "").partition(" //")[0].rstrip()
+        stem = stem.removesuffix(".yaml").lstrip("$")
         near = stem if self.is_name(stem) or what == _NODE else joined(stem)
         near = near if self.is_name(near) else ""
         right = value.instead(near)
@@ -409,6 +407,8 @@ class NodeParser:
             number = 0 if self.is_name(given.value) else self.number(given, head)
             source = given.value if self.is_name(given.value) else ""
             source = number if is_number(given.value) else source
+        elif _PATH.fullmatch(str(keys[head].value)):
+            source = str(keys[head].value)  # the compiler knows the files
         else:
             source = self.name(keys[head], head)
         values = self._wiring(keys["with"]) if "with" in keys else {}

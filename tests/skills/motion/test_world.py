@@ -44,7 +44,10 @@ def test_a_world_is_written_and_read_again() -> None:
         ({"sphere": {"radius": float("nan")}}, "radius of b is NaN;"),
         ({"sphere": {}}, "The sphere of b has no radius; give one"),
         ({"sphere": 0.1}, "sphere of b is 0.1; give an object with its radius"),
-        ({"sphere": {"size": 0.1}}, '"size" is not a key of the sphere of b; the keys are radius$'),
+        (
+            {"sphere": {"size": 0.1}},
+            '"size" is not a key of the sphere of b; the keys are radius; did you mean radius',
+        ),
         ({"box": {"size": [1, 1, 1]}}, "b has the shapes box and sphere; give one of box, sp"),
         ({"extra": 3}, '"extra" is not a key of b; the keys are name, position, rotation'),
         ({"name": ["b"]}, r'Its name is \["b"\]; give a text'),
