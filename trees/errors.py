@@ -413,4 +413,6 @@ class UnknownTask(TreeError):
             words += "`armtree move` moves it without a task"
         elif any(str(task) in path.stem.split("_", 1) for path in EXAMPLES.glob("*.yaml")):
             words += f". {task} is an example: --trees {EXAMPLES} (in Python, trees=) has it"
+        elif not words.endswith("?"):
+            words += ". For tasks in another folder, give it with --trees (in Python, trees=)"
         super().__init__(words)

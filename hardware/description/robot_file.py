@@ -132,7 +132,8 @@ def _robot_file(path: Path) -> Path:
     beside = {file.stem: str(file) for file in path.parent.glob("*.toml") if is_robot_file(file)}
     known = dict(zip(shipped, shipped, strict=True)) | beside
     near = did_you_mean(known.get(closest(path.stem, known), ""))
-    present = f"there are {', '.join(shipped)}{near}"
+    present = f"there are {', '.join(shipped)}"
+    present += near or "; `armtree new-arm` makes one from a URDF"
     why = f"there is no such file, and no shipped robot of that name; {present}"
     raise DescriptionError(path, 0, why)
 

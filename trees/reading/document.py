@@ -213,6 +213,11 @@ def calculates(text: str) -> bool:
     )
 
 
+def as_parameter(calculation: str) -> str:
+    """Return the use of a parameter with a name for a calculation, such as `$minus_swing`."""
+    return "$" + re.sub(r"\W+", "_", calculation.replace("-$", "minus_")).strip("_")
+
+
 def names_within(value: Located) -> Iterator[str]:
     """Return the references in a value, without the $."""
     inner = value.value
@@ -222,6 +227,14 @@ def names_within(value: Located) -> Iterator[str]:
         yield (reference(inner) or inner)[1:]
     for item in inner if isinstance(inner, list) else nested(value).values():
         yield from names_within(item)
+
+
+def texts_within(value: Located) -> Iterator[Located]:
+    """Return the texts in a value."""
+    if isinstance(value.value, str):
+        yield value
+    for item in value.value if isinstance(value.value, list) else nested(value).values():
+        yield from texts_within(item)
 
 
 # A directive could change the meaning of values. Editors and parsers count lines differently if a

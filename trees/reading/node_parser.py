@@ -13,6 +13,7 @@ from .document import (
     NO_CALCULATION,
     REFUSED,
     Located,
+    as_parameter,
     calculates,
     names_within,
     nested,
@@ -183,10 +184,6 @@ class NodeParser:
         keys = {name: Key(value.place, name, value.label) for name in names_within(value)}
         return SkillNode(value.place, "", keys)
 
-    def is_control(self, key: str) -> bool:
-        """Return True if a key begins a control node."""
-        return key in kinds()
-
     def is_name(self, value: object) -> TypeGuard[str]:
         """Return True if a value is a name."""
         return isinstance(value, str) and NAME.fullmatch(value) is not None
@@ -254,7 +251,7 @@ class NodeParser:
         if value.value.startswith("$$"):
             return Located(value.place, value.value[1:], value.label)
         if calculates(value.value):
-            self._wrong(value.place, NO_CALCULATION)
+            self._wrong(value.place, NO_CALCULATION, value.instead(as_parameter(value.value)))
             self.spare |= {*names_within(value)}
             return replace(value, value=REFUSED)
         if meant := reference(value.value):
