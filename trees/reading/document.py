@@ -58,8 +58,6 @@ class StandIn:
     __repr__ = __str__
 
 
-NO_CALCULATION = "a task file does not calculate; declare another parameter for this value"
-
 # Placeholder for a wrong value, so that the values around it can be checked.
 REFUSED = StandIn("", "any")
 
@@ -213,9 +211,11 @@ def calculates(text: str) -> bool:
     )
 
 
-def as_parameter(calculation: str) -> str:
-    """Return the use of a parameter with a name for a calculation, such as `$minus_swing`."""
-    return "$" + re.sub(r"\W+", "_", calculation.replace("-$", "minus_")).strip("_")
+def no_calculation(text: str) -> str:
+    """Return the message for a calculation with a parameter."""
+    name = re.sub(r"\W+", "_", text.replace("-$", "minus_")).strip("_")
+    why = "a task file does not calculate; declare another parameter for this value, such as"
+    return f"{why} {name}, and write ${name}"
 
 
 def names_within(value: Located) -> Iterator[str]:

@@ -13,13 +13,12 @@ from trees.declarations import ANY, LIST, TYPES, UNITS, Declaration, type_fits, 
 from trees.errors import Correction, Mistake, Place
 
 from .document import (
-    NO_CALCULATION,
     REFUSED,
     Located,
     StandIn,
-    as_parameter,
     calculates,
     nested,
+    no_calculation,
     reference,
 )
 from .lines import as_mapping, block, replaced_block, retyped
@@ -117,15 +116,15 @@ def in_smaller_units(value: object, unit: str) -> Iterator[tuple[str, float]]:
 def in_unit_of_default(bound: Located, default: Located | None, key: str) -> str:
     """Return a bound without a unit in the unit of the default; "" if it may be without.
 
-    It may not if the default is beyond it, or if it is more than a turn.
+    It may not if only its unit excludes the default, or if it is more than a turn.
     """
     found = _QUANTITY.fullmatch(str(default.value)) if default else None
     if not found or not is_bare(bound.value) or not (kind := measured(default or bound)):
         return ""
-    position = float(found[1]) * UNITS[kind][found[2]]
-    beyond = position < bound.value if key == "min" else position > bound.value
-    beyond |= kind == "angle" and abs(bound.value) > math.tau
-    return f"{bound.value:g} {found[2]}" if beyond else ""
+    sign, number = (1 if key == "min" else -1), float(found[1])
+    beyond = sign * number * UNITS[kind][found[2]] < sign * bound.value <= sign * number
+    turns = kind == "angle" and abs(bound.value) > math.tau
+    return f"{bound.value:g} {found[2]}" if beyond or turns else ""
 
 
 def in_unit_of(value: Located, point: Iterable[float]) -> tuple[str, tuple[float, ...]]:
@@ -358,9 +357,7 @@ def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> 
     """Report a value of a wrong type, with its likely meaning."""
     near = reference(str(value.value)) or near
     if calculates(text := str(value.value)):
-        why = f"{value} is not {words(kind)}; {NO_CALCULATION}"
-        wrong(value.place, why, value.instead(as_parameter(text)))
-        return
+        hint = f"; {no_calculation(text)}"
     if kind in ("integer", "number"):
         count = re.sub(r" ?(times|x)$|^range\(|\)$", "", str(value.value).lower())
         near = near or (count if count.isdecimal() else "")

@@ -10,13 +10,12 @@ from trees.errors import Correction, Mistakes, Place
 
 from .corrected_nodes import apart, comparison, node_instead, twice
 from .document import (
-    NO_CALCULATION,
     REFUSED,
     Located,
-    as_parameter,
     calculates,
     names_within,
     nested,
+    no_calculation,
     reference,
 )
 from .foreign_loops import EXAMPLES, is_amount, read_loop
@@ -251,7 +250,7 @@ class NodeParser:
         if value.value.startswith("$$"):
             return Located(value.place, value.value[1:], value.label)
         if calculates(value.value):
-            self._wrong(value.place, NO_CALCULATION, value.instead(as_parameter(value.value)))
+            self._wrong(value.place, no_calculation(value.value))
             self.spare |= {*names_within(value)}
             return replace(value, value=REFUSED)
         if meant := reference(value.value):
