@@ -8,7 +8,6 @@ from typing import Any
 from executive.api import strict_json
 from executive.errors import BadWorldFile
 from hardware import Robot, read_file
-from hardware.spelling import suggested
 from skills.motion import BadWorld, World
 from skills.motion.collision.planning_scene import PlanningScene
 from trees import FileError, Located, Mistake, Place
@@ -61,16 +60,19 @@ def _mistakes(file: Path, data: bytes, errors: Sequence[BadWorld]) -> list[Mista
 
 def _mistake(root: Located, error: BadWorld) -> Mistake:
     """Return a wrong body as a mistake at its key."""
-    value, near = root, suggested(str(error))
+    value, (_, asked, near) = root, str(error).removesuffix("?").rpartition("; did you mean ")
     for step in error.location:
         items = value.value if isinstance(value.value, list) else []
         inner = items[step] if isinstance(step, int) else nested(value).get(step)
         if inner is None:  # a key is missing
             break
         value = inner
-    old = str(error.location[-1]) if error.location else ""
-    right = value.label.replaced(f'"{old}"', f'"{near}"') if near else None
-    return Mistake(value.label, str(error), right or value.label.replaced(old, near))
+    old, right = str(error.location[-1]) if error.location else "", None
+    if asked and near.isidentifier():  # a key
+        right = value.label.replaced(f'"{old}"', f'"{near}"') or value.label.replaced(old, near)
+    elif asked:
+        right = value.instead(near)
+    return Mistake(value.label, str(error), right)
 
 
 def check_world(file: Path, world: World, robot: Robot) -> None:

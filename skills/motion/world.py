@@ -2,6 +2,7 @@
 
 import json
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, field, fields
@@ -14,6 +15,7 @@ from .validation import MAX_MAGNITUDE, MIN_SIZE
 
 MAX_BODIES = 1000  # a scene of 1000 takes a second; the cost of pinocchio is cubic
 _ROUNDED = 1e-2  # largest error in the length of a quaternion with three or more digits
+_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 _UNIT = 1e-6  # largest error in the length of a quaternion that was not rounded
 _MAX_SHOWN = 60  # largest number of characters of a value in a message
 
@@ -104,13 +106,15 @@ class Body:
         if not _reals(self.position, 3):
             form = f"x, y, z in m, from {-MAX_MAGNITUDE:g} to {MAX_MAGNITUDE:g}"
             words = f"The position {what} {_shown(self.position)}; give {form}"
+            words += _meant(self.position, 3) if isinstance(self.position, Mapping) else ""
             yield BadWorld(words, "position")
         if not _is_unit(self.rotation, _UNIT):
             turn = _shown(self.rotation)
             if _reals(self.rotation, 4):
                 turn += f", of length {math.hypot(*self.rotation):g}"
             form = "x, y, z, w of a unit quaternion (length 1)"
-            yield BadWorld(f"The rotation {what} {turn}; give {form}", "rotation")
+            words = f"The rotation {what} {turn}; give {form}{_meant(self.rotation, 4)}"
+            yield BadWorld(words, "rotation")
         if not isinstance(self.link, str):
             words = f"The link {what} {_shown(self.link)}; give the name of a link, or omit it"
             yield BadWorld(words, "link")
@@ -128,7 +132,7 @@ class Body:
                 vector = part.type == Vector
                 right = _reals(value if vector else (value,), 3 if vector else 1, MIN_SIZE)
                 form = "x, y, z, each" if vector else "a number"
-                form += f" above 0, up to {MAX_MAGNITUDE:g}"
+                form += f" above 0, up to {MAX_MAGNITUDE:g} m{_meant(value, 3 if vector else 1)}"
             if not right:
                 words = f"The {part.name} {what} {_shown(value)}; give {form}"
                 yield BadWorld(words, kind, part.name)
@@ -205,6 +209,8 @@ class World:
         Raises:
             BadWorld: The value is not a valid list of bodies.
         """
+        if isinstance(bodies, Mapping) and "name" in bodies:
+            raise BadWorld(f"{_shown(bodies)} is a body, not a list of bodies; put it into [ ]")
         if not isinstance(bodies, Iterable) or isinstance(bodies, str | Mapping):
             raise BadWorld(f"{_shown(bodies)} is not a list of bodies, such as {_EXAMPLE}")
         found, wrong = [], list[BadWorld]()
@@ -297,7 +303,10 @@ def _form(name: str, kind: str, plain: Any) -> Shape:
     wanted = [part.name for part in parts]
     if not isinstance(plain, Mapping):
         what = f"The {kind} of {name} is {_shown(plain)}"
-        raise BadWorld(f"{what}; give an object with its {' and '.join(wanted)}", kind)
+        near = (
+            did_you_mean(f"{{{json.dumps(wanted[0])}: {_shown(plain)}}}") if not wanted[1:] else ""
+        )
+        raise BadWorld(f"{what}; give an object with its {' and '.join(wanted)}{near}", kind)
     needed = [part.name for part in parts if part.default is MISSING]
     wrong = [*_unknown_keys(f"the {kind} of {name}", plain, wanted, needed, kind)]
     if not wrong:
@@ -326,6 +335,26 @@ def _unknown_keys(
             near = did_you_mean(missing[0])
         words = f"{_shown(key)} is not a key of {owner}; the keys are {', '.join(known)}{near}"
         yield BadWorld(words, *location, key)
+
+
+def _meant(value: Any, count: int) -> str:
+    """Return a question with the numbers that a value most likely means; empty if that is unclear.
+
+    Args:
+        value: A wrong value.
+        count: Number of numbers: 1 or 3 lengths, or 4 of a quaternion.
+    """
+    meant: Any = None
+    found = re.fullmatch(r"([\d.]+) ?(mm|cm|m)", value) if isinstance(value, str) else None
+    if isinstance(value, Mapping) and [*value] == ["x", "y", "z", "w"][:count]:
+        meant = [*value.values()]
+    elif count == 1 and found:
+        meant = float(f"{float(found[1]) * _METRES[found[2]]:.6g}")
+    elif count == 3 and _reals((value,), 1, MIN_SIZE):
+        meant = [value] * 3
+    elif count == 4 and _reals(value, 3):  # roll, pitch and yaw
+        meant = [float(f"{part:.4g}") for part in quaternion(*value)]
+    return did_you_mean(json.dumps(meant)) if meant is not None else ""
 
 
 def _tupled(value: Any) -> Any:

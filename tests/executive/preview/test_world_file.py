@@ -100,6 +100,34 @@ def test_all_mistakes_are_reported_with_their_lines(tmp_path: Path) -> None:
     assert str(caught.value).endswith('  write:\n    {"name": "b", "sphere": {"radius": 1}}]')
 
 
+@pytest.mark.parametrize(
+    ("wrong", "right"),
+    [
+        ('"box": {"size": 0.03}', '"box": {"size": [0.03, 0.03, 0.03]}'),
+        ('"box": [0.1, 0.1, 0.2]', '"box": {"size": [0.1, 0.1, 0.2]}'),
+        ('"sphere": {"radius": "2 cm"}', '"sphere": {"radius": 0.02}'),
+        (
+            '"sphere": {"radius": 1}, "position": {"x": 0.2, "y": 0, "z": 0.1}',
+            '"sphere": {"radius": 1}, "position": [0.2, 0, 0.1]',
+        ),
+        (
+            '"sphere": {"radius": 1}, "rotation": [0, 0, 3.14159]',
+            '"sphere": {"radius": 1}, "rotation": [0.0, 0.0, 1.0, 1.327e-06]',
+        ),
+    ],
+)
+def test_a_value_in_another_form_is_corrected(tmp_path: Path, wrong: str, right: str) -> None:
+    file = tmp_path / "world.json"
+    file.write_text(f'[{{"name": "a", {wrong}}}]')
+    with pytest.raises(BadWorldFile) as caught:
+        read_world(file)
+    (mistake,) = caught.value.mistakes
+    assert mistake.instead
+    assert mistake.instead.text == f'[{{"name": "a", {right}}}]'
+    file.write_text(mistake.instead.text)
+    assert len(read_world(file).bodies) == 1
+
+
 def test_a_file_may_be_yaml(tmp_path: Path) -> None:
     file = tmp_path / "world.yaml"
     file.write_text("# around the arm\n- name: post\n  box: {size: [0.03, 0.03, 0.2]}\n")
