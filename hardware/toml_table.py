@@ -310,6 +310,13 @@ _MOST_SLIPS, _MOST_TEXT = 10, 10_000  # bounds of the time of a search [slips, c
 _WHY = {
     "Cannot overwrite a value": "this key is given twice; leave one of them out",
     "Cannot declare": "this table is given twice; write all its keys below one of them",
+    "Invalid value": "this is no value; a text needs quotes",
+    "Invalid initial character for a key part": "a key is missing here",
+    "Expected newline": "the value ends before this place; a text needs quotes",
+    "Expected '='": "a key is followed by a `=` and a value",
+    "Unclosed array": "the [ is not closed",
+    "Unclosed inline table": "the { is not closed",
+    "Illegal character '\\n'": "the quote is not closed",
 }
 _END = (2**31, 0)  # line and column behind a valid text
 # Factors of units for rad, m and s.

@@ -339,7 +339,8 @@ def test_a_robot_file_that_is_not_there(tmp_path: Path) -> None:
         load_robot(tmp_path / "arm.urdf")
     none = "there is no such file, and no shipped robot of that name; there are arduinobot, so101"
     for name, near in (("none", ""), ("z1", tmp_path / "z1.toml"), ("s101.toml", "so101")):
-        wanted = f"{none}; did you mean {near}?" if near else none
+        more = f"did you mean {near}?" if near else "`armtree new-arm` makes one from a URDF"
+        wanted = f"{none}; {more}"
         assert refusal(tmp_path / name).endswith(wanted)
     assert "cannot be read: Is a directory" in refusal(tmp_path)
     (tmp_path / "latin").write_bytes(b"name = '\xe4'")
