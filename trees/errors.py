@@ -391,7 +391,7 @@ class UnknownTask(TreeError):
     code = "goal.unknown_task"
     exit_status = 4
     http_status = 404
-    hint = "`armtree tasks` lists the tasks"
+    hint = "`armtree tasks` lists the tasks; --trees FOLDER adds those of a folder"
 
     def __init__(
         self,
@@ -413,6 +413,6 @@ class UnknownTask(TreeError):
             words += "`armtree move` moves it without a task"
         elif any(str(task) in path.stem.split("_", 1) for path in EXAMPLES.glob("*.yaml")):
             words += f". {task} is an example: --trees {EXAMPLES} (in Python, trees=) has it"
-        elif not words.endswith("?"):
+        elif isinstance(task, str) and not words.endswith("?"):
             words += ". For tasks in another folder, give it with --trees (in Python, trees=)"
         super().__init__(words)
