@@ -30,11 +30,12 @@ from .compile.data_flow import short_name
 from .compile.move_words import wrong_units
 from .compile.port_types import declarations, known_skills
 from .compile.skill_hooks import RefusedInput
+from .compile.sources import with_joints
 from .declarations import Declaration
 from .errors import FileError, Mistake, Place, TreeError
 from .reading.document import Located, StandIn, nested
 from .reading.grammar import PosesFile
-from .reading.library import AS_TEXT, Library, poses_of, with_robot
+from .reading.library import AS_TEXT, Library, with_robot
 from .reading.lines import added_above, block
 from .reading.literals import in_other_unit, in_radians, in_smaller_units, near_limit
 
@@ -285,9 +286,9 @@ class _Checker:
                 raise name
             if name is None:
                 files, found = self._library.draft_poses()
-                file, known = next(f for f in files if f.path == path), poses_of(files)
+                found = with_joints(found, files, self._context.robot)
                 found = [mistake for mistake in found if mistake.place.path == path]
-                found = [self._by_joint(mistake, file, known) for mistake in found]
+                file = next(f for f in files if f.path == path)
                 return [*found, *self._poses(file)]
             draft, context = self._library.draft(name, path), self._context
             tree = TreeCompiler(draft, self._library, context, "/check").compile()
@@ -299,29 +300,6 @@ class _Checker:
         if isinstance(name, int):
             self._collisions.tasks.append(tree)
         return tree.mistakes.found
-
-    def _by_joint(
-        self, mistake: Mistake, file: PosesFile, poses: Mapping[str, Mapping[str, float]]
-    ) -> Mistake:
-        """Return the mistake of a pose. A list of values, or a pose in it, gets names of joints."""
-        robot = self._context.robot
-        groups = [[joint.name for joint in robot.actuated_in(group)] for group in robot.groups]
-        for pose in file.labels.values():
-            items = pose.value if isinstance(pose.value, list) else []
-            names = next((each for each in groups if items and len(each) == len(items)), [])
-            if names and pose.place == mistake.place:
-                pairs = zip(names, (item.as_yaml() for item in items), strict=True)
-                near = f"{{{', '.join(map(': '.join, pairs))}}}"
-                why = f"{pose} has no names of joints; write {near}"
-                return Mistake(mistake.place, why, pose.instead(near))
-            for key, item in nested(pose).items():
-                if item.place == mistake.place and str(item.value) in poses:
-                    joints = poses[str(item.value)].items()
-                    near = ", ".join(f"{joint}: {position:.4g}" for joint, position in joints)
-                    why = f"{item.value} is a pose, not an angle; write its joints: {near}"
-                    right = item.label.replaced(f"{key}: {item.value}", near)
-                    return Mistake(mistake.place, why, right)
-        return mistake
 
     def _poses(self, file: PosesFile) -> list[Mistake]:
         """Return mistakes of all poses, used or unused."""
