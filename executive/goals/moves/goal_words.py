@@ -277,8 +277,8 @@ def _check_spelling(words: Sequence[str], robot: Robot, quoted: bool) -> None:
         quoted: True if the words are already in quotes.
     """
     written = " ".join(words)
-    if re.search("[][(){},]", written):
-        text = re.sub("[][(){}]", "", written)
+    text = written if "=" in written else re.sub("[][(){}]", "", written)
+    if "," in written or text != written:
         decimals = all(re.search(r"\d,\d", word) for word in words)
         right = text.replace(",", ".") if decimals and len(words) > 1 else text.replace(",", " ")
         odd = "commas" if text == written else "brackets"
