@@ -30,6 +30,7 @@ from hardware import (
 )
 from logs import MOVE, goal_title, unpack
 from skills import (
+    BadTarget,
     Context,
     Leader,
     NoOperator,
@@ -60,7 +61,7 @@ from .goals.event_subscribers import EventSubscribers
 from .goals.executor import GoalExecutor
 from .goals.history import load_goal_history
 from .goals.mailbox import Mailbox
-from .goals.moves.move_task import move_text, read_move
+from .goals.moves.move_task import move_text, poses_with_home, read_move
 from .goals.queue import GoalQueue
 from .goals.start_pose import StartPose
 from .goals.stop import GoalStopper
@@ -482,7 +483,11 @@ class Executive:
     def _read_move(self, move: Move) -> tuple[Exception | None, str]:
         """Return the error of a move, or None, and the text of the move."""
         try:
-            read = read_move(move, self.robot, self.library.latest.poses()[0])
+            library = self.library.latest
+            poses, words = library.poses()[0], " ".join(move.words)
+            if words in library.names() and words not in poses_with_home(self.robot, poses):
+                raise BadTarget(f"{words} is a task, not a target: `armtree run {words}`")
+            read = read_move(move, self.robot, poses)
             if read.point and (start := self._known_start(move.relative)):
                 self._check_reach(read.point, start, move.relative)
             return None, move_text(move, read)

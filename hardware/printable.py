@@ -1,10 +1,12 @@
-"""Texts for people: counts, and safe forms of texts from files, servers and boards."""
+"""Texts for people: counts, lines of files, and safe forms of texts from elsewhere."""
 
 import re
 
 _HEX = "0x"
 _NEXT_LINE = re.compile(r"\n(?=\S)")
 _SPACE = "\n\r\t"  # white space of a text of a wire
+_BEFORE, _WIDTH = 40, 96  # characters of a cut line before the caret, and in total
+_MOST = 800  # characters of a corrected line
 
 
 def plural(count: int, what: str) -> str:
@@ -32,6 +34,24 @@ def escaped(text: str) -> str:
         each if each.isprintable() or each in "\n\t" else each.encode("unicode_escape").decode()
         for each in text
     )
+
+
+def excerpt(line: str, column: int, instead: str = "") -> str:
+    """Return a line of a file with a caret, for a message; and the corrected line, if it is given.
+
+    Args:
+        line: The line. The result has the part around the caret of a long one.
+        column: Column of the caret, from 1.
+        instead: The corrected line, or "".
+    """
+    begin = max(0, column - 1 - _BEFORE) if len(line) > _WIDTH else 0
+    text = f"\n    {_signs(line[begin : begin + _WIDTH])}\n    {' ' * (column - 1 - begin)}^"
+    return f"{text}\n  write:\n    {_signs(instead)[:_MOST]}" if instead else text
+
+
+def _signs(text: str) -> str:
+    """Return a text with a sign of width 1 for each control character."""
+    return "".join(each if each.isprintable() else " " if each == "\t" else "?" for each in text)
 
 
 def wire_text(data: bytes) -> str:

@@ -6,6 +6,7 @@ from itertools import groupby
 _ALL = 8  # a message lists all names if there are at most this many
 _SHOWN = 5  # largest number of names in a message if there are more
 _NEAR, _NEARER = 0.6, 0.71  # smallest similarity to list a name, and to suggest it
+_LEAST_BEGIN = 3  # fewest letters of an abbreviation
 _OTHER_START = 0.75  # factor for names with another first letter, which few people mistype
 
 
@@ -13,19 +14,24 @@ def closest(word: str, known: Iterable[str], cutoff: float = _NEAR) -> str:
     """Return the known name that is most similar to a word; empty if none is similar.
 
     Case and the signs between words do not count. If several names are equally similar, the result
-    is empty.
+    is empty. If none is similar, it is the only name that begins with the word.
 
     Args:
         word: The unknown word.
         known: The known names.
         cutoff: Smallest similarity, from 0 (any name) to 1 (only the word itself).
     """
+    known = [*known]
     for similarity, group in groupby(_by_similarity(word, known), lambda each: each[0]):
         names = [name for _, name in group]
         begun = [name for name in names if name.startswith(word)]
         (best, *more) = begun or names
-        return best if similarity >= cutoff and not more else ""
-    return ""
+        if similarity >= cutoff:
+            return best if not more else ""
+        break
+    begins = [name for name in known if _folded(name).startswith(_folded(word))]
+    short = cutoff == _NEAR and len(word) >= _LEAST_BEGIN
+    return begins[0] if short and len(begins) == 1 else ""
 
 
 def _by_similarity(word: str, known: Iterable[str]) -> list[tuple[float, str]]:

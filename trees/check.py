@@ -9,7 +9,7 @@ from pathlib import Path
 
 from hardware import Arm, RealClock, Robot
 from hardware.description.neighbours import shape_warnings
-from hardware.spelling import closest, did_you_mean
+from hardware.spelling import closest, did_you_mean, suggested
 from skills import (
     BadTarget,
     Context,
@@ -30,6 +30,7 @@ from .compile.data_flow import short_name
 from .compile.move_words import wrong_units
 from .compile.port_types import declarations, known_skills
 from .compile.skill_hooks import RefusedInput
+from .compile.sources import with_joints
 from .declarations import Declaration
 from .errors import FileError, Mistake, Place, TreeError
 from .reading.document import Located, StandIn, nested
@@ -285,8 +286,10 @@ class _Checker:
                 raise name
             if name is None:
                 files, found = self._library.draft_poses()
+                found = with_joints(found, files, self._context.robot)
                 found = [mistake for mistake in found if mistake.place.path == path]
-                return [*found, *self._poses(next(f for f in files if f.path == path))]
+                file = next(f for f in files if f.path == path)
+                return [*found, *self._poses(file)]
             draft, context = self._library.draft(name, path), self._context
             tree = TreeCompiler(draft, self._library, context, "/check").compile()
         except TreeError as error:
@@ -325,8 +328,11 @@ class _Checker:
         joint = str(location[-1]) if location else ""
         item = nested(pose).get(joint)
         name = pose.label.location.rpartition(".")[2]
-        if not item or joint not in {each.name for each in robot.joints}:
+        if not item:
             return Mistake(pose.label, f"{name}: {error}")
+        if joint not in {each.name for each in robot.joints}:
+            right = item.label.replaced(joint, suggested(str(error)))
+            return Mistake(item.label, f"{name}: {error}", right)
         unit = robot.joint(joint).unit
         for text, factor in in_smaller_units(item.value, unit):
             if not joint_errors(robot, Positions({joint: known[joint] * factor})):

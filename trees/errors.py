@@ -7,13 +7,13 @@ from pathlib import Path
 from typing import Self
 
 from hardware import ArmtreeError
+from hardware.printable import excerpt
 from hardware.spelling import there_are, there_are_numbers
 
 SHIPPED_ROBOT = "arduinobot"  # name of the robot for the shipped tasks and examples
 EXAMPLES = Path(__file__).with_name("examples")  # folder with example tasks
 
 _SHOWN = 20  # largest number of mistakes in a message
-_BEFORE, _WIDTH = 40, 96  # characters of a cut line before the place, and in total
 _BEGIN, _END = 600, 200  # characters at the begin and end of a cut message
 _LINES = 8  # largest number of lines in a correction
 
@@ -101,11 +101,8 @@ class Place:
         """The line, with a caret below the column; empty if the text is unknown."""
         if not 0 < self.line <= len(self.lines):
             return ""
-        line = self.lines[self.line - 1]
-        begin = max(0, self.column - 1 - _BEFORE) if len(line) > _WIDTH else 0
-        shown = line[begin : begin + _WIDTH].replace("\t", " ")
-        pointer = f"{' ' * (self.column - 1 - begin)}^ {self.location}".rstrip()
-        return f"    {_printable(shown)}\n    {_cut(pointer)}"
+        shown = excerpt(self.lines[self.line - 1], self.column)[1:]
+        return f"{shown} {_cut(self.location)}".rstrip()
 
 
 @dataclass(frozen=True, slots=True)
@@ -394,7 +391,7 @@ class UnknownTask(TreeError):
     code = "goal.unknown_task"
     exit_status = 4
     http_status = 404
-    hint = "`armtree tasks` lists the tasks"
+    hint = "`armtree tasks` lists the tasks; --trees FOLDER adds those of a folder"
 
     def __init__(
         self,
@@ -416,4 +413,6 @@ class UnknownTask(TreeError):
             words += "`armtree move` moves it without a task"
         elif any(str(task) in path.stem.split("_", 1) for path in EXAMPLES.glob("*.yaml")):
             words += f". {task} is an example: --trees {EXAMPLES} (in Python, trees=) has it"
+        elif isinstance(task, str) and not words.endswith("?"):
+            words += ". For tasks in another folder, give it with --trees (in Python, trees=)"
         super().__init__(words)

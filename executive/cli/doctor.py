@@ -70,7 +70,8 @@ def doctor(
     for check in check_readiness(robot, port, trees, recordings, opens_port):
         checks.append(check)
         failures += [check.code] if check.ok is False else []
-        echo(f"{_MARKS[check.ok]:<4}{check.name:<12}{check.detail}")
+        detail = check.detail.replace("\n", "\n    ")
+        echo(f"{_MARKS[check.ok]:<4}{check.name:<12}{detail}")
         if check.ok is False and check.remedy:
             echo(f"{'':<16}-> {check.remedy}")
     found = serial_ports()

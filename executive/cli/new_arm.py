@@ -13,7 +13,7 @@ import click
 
 from hardware.spelling import choices
 
-from .settings import PATH
+from .settings import PATH, find_setting
 from .support.command_group import command
 from .support.failures import Refusal
 from .support.names import first_motion
@@ -128,11 +128,13 @@ def new_arm(
         echo(line)
     for line in _warnings(robot, allowed, guesses):
         echo(f"warning: {line}", err=True)
-    command = shlex.join(["armtree", *first_motion(robot), "--robot", str(output)])
-    saves = (
-        f"The line `robot = {json.dumps(str(output))}` in armtree.toml saves the option --robot."
-    )
-    echo(f"\n{saves}\nNext, type: {command}", whole=True)
+    words, saves = ["armtree", *first_motion(robot)], ""
+    chosen = find_setting(click.get_current_context(), "robot")[0]
+    if not (chosen and chosen.exists() and chosen.samefile(output)):
+        words += ["--robot", str(output)]
+        line = f"robot = {json.dumps(str(output))}"
+        saves = f"The line `{line}` in armtree.toml saves the option --robot.\n"
+    echo(f"\n{saves}Next, type: {shlex.join(words)}", whole=True)
 
 
 def _ask_link(robot: "Robot", guess: str) -> str:

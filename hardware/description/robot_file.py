@@ -1,7 +1,7 @@
 """The reader of robot files: one TOML file and the URDF that it names."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import fields, replace
 from pathlib import Path
 
@@ -11,7 +11,7 @@ from hardware.drivers.null_driver import NO_BAUD, NO_FIRMWARE, NullDriver
 from hardware.errors import DescriptionError
 from hardware.joints import Joint
 from hardware.link.link import VIRTUAL
-from hardware.spelling import closest, did_you_mean, there_are
+from hardware.spelling import closest, did_you_mean, suggestion, there_are
 from hardware.toml_table import TomlTable
 
 from .calibration import ROBOTS, calibration_file, is_robot_file, read_calibration
@@ -25,6 +25,7 @@ BAUD_RATES = range(1200, 4_000_001)  # [bit/s]; at 1200 a frame of 20 bytes take
 MAX_BOOT_WAIT = 60.0  # [s]
 MAX_BRAKE = 10.0  # [s]
 MAX_LOST = 20  # lost answers in a row; at 50 Hz the arm is blind for 0.4 s
+_TABLES = ("joints", "groups", "serial", "collision", "tool", "gripper", "guards")
 _ROUNDING = 1.0 + 1e-9  # factor of a velocity limit: allows rounding errors of multipliers
 
 
@@ -43,23 +44,30 @@ def load_robot(
             choices.
     """
     path = _robot_file(path or Path("arduinobot"))
-    root = TomlTable.read(path)
-    named = path.parent / root.text("urdf")
-    urdf_path = urdf or named
-    described = _urdf(root, urdf_path)
-    driver = load_driver(root) if "driver" in root or "serial" in root else NullDriver(path)
-    name, file = root.text("name"), calibration_file(path)
-    calibration = read_calibration(file, name) if calibrated else None
+    root, file = TomlTable.read(path, patient=True), calibration_file(path)
+    described = driver = calibration = None
     with root.later():
-        joints = _joints(root, described, driver, calibration)
+        named = path.parent / root.text("urdf")
+        urdf = urdf or named
+        described = _urdf(root, urdf)
     with root.later():
-        root.table("groups")
+        driver = load_driver(root) if "driver" in root or "serial" in root else NullDriver(path)
     with root.later():
-        serial, firmware = _board(root, driver)
-    with root.later():
-        collision = _collision(root.table("collision"), described.links)
-    with root.later():
-        tool = _tool(root.table("tool"), described.links) if "tool" in root else None
+        name = root.text("name")
+        calibration = read_calibration(file, name) if calibrated else None
+    if described:
+        with root.later():
+            joints = _joints(root, described, driver, calibration)
+        with root.later():
+            groups = _groups(root, [*described.moving])
+    if driver:
+        with root.later():
+            serial, firmware = _board(root, driver)
+    if described:
+        with root.later():
+            collision = _collision(root.table("collision"), described.links)
+        with root.later():
+            tool = _tool(root.table("tool"), described.links) if "tool" in root else None
     with root.later():
         home = tuple(root.text("home", default="").split())
     with root.later():
@@ -68,15 +76,17 @@ def load_robot(
         needs_calibration = root.boolean("needs_calibration", default=False)
     with root.later():
         brake = root.number("brake_s", least=0, most=MAX_BRAKE, default=0.0)
-    has_gripper, has_guards = "gripper" in root, "guards" in root
+    there = {key for key in _TABLES if key in root}
     with root.later():
         root.done()
     root.raise_mistakes()
-    groups = _groups(root, joints)
+    assert urdf
+    assert described
+    assert driver
     robot = Robot(
         name=name,
         path=path,
-        urdf=urdf_path,
+        urdf=urdf,
         joints=joints,
         groups=groups,
         serial=serial,
@@ -84,8 +94,8 @@ def load_robot(
         firmware=firmware,
         collision=collision,
         tool=tool,
-        gripper=_gripper(root, joints, groups, described) if has_gripper else None,
-        guards=_guards(root, firmware) if has_guards else Guards(),
+        gripper=_gripper(root, joints, groups, described) if "gripper" in there else None,
+        guards=_guards(root, firmware) if "guards" in there else Guards(),
         links=described.links,
         home=home,
         acceleration_sum=acceleration_sum,
@@ -122,7 +132,8 @@ def _robot_file(path: Path) -> Path:
     beside = {file.stem: str(file) for file in path.parent.glob("*.toml") if is_robot_file(file)}
     known = dict(zip(shipped, shipped, strict=True)) | beside
     near = did_you_mean(known.get(closest(path.stem, known), ""))
-    present = f"there are {', '.join(shipped)}{near}"
+    present = f"there are {', '.join(shipped)}"
+    present += near or "; `armtree new-arm` makes one from a URDF"
     why = f"there is no such file, and no shipped robot of that name; {present}"
     raise DescriptionError(path, 0, why)
 
@@ -133,6 +144,9 @@ def _urdf(root: TomlTable, path: Path) -> Urdf:
     except UrdfError as error:
         raise DescriptionError(path, error.line, str(error)) from error
     except (OSError, ValueError, LookupError) as error:  # the path or its encoding is invalid
+        if "://" in (uri := root.text("urdf")):
+            way = "give the path of the file, relative to the folder of this file"
+            root.fail("urdf", f"{uri!r} is a URI; {way}", uri, f'"{path.name}"')
         why = f"{path} cannot be read: {getattr(error, 'strerror', error)}"
         way = "; give a file, relative to the folder of this file"
         root.fail("urdf", why + (way if isinstance(error, FileNotFoundError) else ""))
@@ -192,7 +206,7 @@ def _check_serial(table: TomlTable, serial: Serial, firmware: Firmware) -> None:
 
 
 def _joints(
-    root: TomlTable, urdf: Urdf, driver: Driver, calibration: TomlTable | None
+    root: TomlTable, urdf: Urdf, driver: Driver | NullDriver | None, calibration: TomlTable | None
 ) -> tuple[Joint, ...]:
     """Return the joints of the robot file in its order, then the mimic joints of the URDF."""
     table, moving = root.table("joints"), urdf.moving
@@ -200,7 +214,8 @@ def _joints(
     for name in table:
         with table.later():
             if name not in moving:
-                table.fail(name, f"the URDF has no such joint; it has {', '.join(moving)}")
+                near = suggestion(name, moving, [*table])
+                table.fail(name, f"the URDF has no such joint; it has {', '.join(moving)}{near}")
             if moving[name].mimic:
                 table.fail(name, "follows another joint in the URDF and has no servo of its own")
             if joint := _joint(name, table.table(name), moving[name], driver, calibration):
@@ -223,7 +238,7 @@ def _joint(
     name: str,
     table: TomlTable,
     urdf: UrdfJoint,
-    driver: Driver,
+    driver: Driver | NullDriver | None,
     calibration: TomlTable | None,
 ) -> Joint | None:
     """Return a joint, or None if it or an earlier one has mistakes, which are kept in the table."""
@@ -238,16 +253,20 @@ def _joint(
         boot = table.number("boot")
         if not urdf.lower <= boot <= urdf.upper:
             outside = f"{boot:g} is outside [{urdf.lower:g}, {urdf.upper:g}]"
-            table.fail("boot", outside + _in_radians(boot, urdf))
+            right = _in_radians(boot, urdf)
+            words = f"; {boot:g} degrees are {right} rad" if right else ""
+            table.fail("boot", outside + words, f"{boot:g}", right)
     with table.later():
         velocity = table.number("velocity", above=0)
         if velocity > urdf.velocity:
             most = f"the URDF's limit, {urdf.velocity:g} {urdf.unit}/s"
-            table.fail("velocity", f"{velocity:g} {urdf.unit}/s is more than {most}")
+            words = f"{velocity:g} {urdf.unit}/s is more than {most}"
+            table.fail("velocity", words, f"{velocity:g}", f"{urdf.velocity:g}")
     with table.later():
         acceleration = table.number("acceleration", above=0)
     with table.later():
-        wire = driver.wire(wired, lower, upper)
+        # Without a driver, only the name of the key is known.
+        wire = driver.wire(wired, lower, upper) if driver else "wire" in table
     table.done()
     if table.mistakes:
         return None
@@ -266,12 +285,10 @@ def _joint(
 
 
 def _in_radians(boot: float, urdf: UrdfJoint) -> str:
-    """Return a hint for a position in degrees, or an empty text."""
+    """Return a position in degrees as radians, or "" if it is none within the limits."""
     exact = math.radians(boot)
     right = next((q for q in (round(exact, 4), exact) if urdf.lower <= q <= urdf.upper), None)
-    if urdf.unit != "rad" or abs(boot) <= math.tau or right is None:
-        return ""
-    return f"; {boot:g} degrees are {right} rad"
+    return "" if urdf.unit != "rad" or abs(boot) <= math.tau or right is None else f"{right}"
 
 
 def _mimic_joint(table: TomlTable, urdf: UrdfJoint, leader: Joint) -> Joint:
@@ -283,9 +300,9 @@ def _mimic_joint(table: TomlTable, urdf: UrdfJoint, leader: Joint) -> Joint:
     return joint
 
 
-def _groups(root: TomlTable, joints: tuple[Joint, ...]) -> dict[str, tuple[str, ...]]:
-    """Return the groups `arm` and `gripper`. An arm may have no gripper."""
-    table, names = root.table("groups"), [joint.name for joint in joints]
+def _groups(root: TomlTable, names: Sequence[str]) -> dict[str, tuple[str, ...]]:
+    """Return the groups `arm` and `gripper` of joints. An arm may have no gripper."""
+    table = root.table("groups")
     groups = {
         "arm": table.names("arm", names),
         "gripper": table.names("gripper", names, default=[]),

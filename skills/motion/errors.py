@@ -7,7 +7,7 @@ of them can be pickled with their attributes.
 import math
 import re
 import reprlib
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from types import MappingProxyType
 from typing import Any
 
@@ -15,6 +15,7 @@ from hardware import DISPLAY_UNITS, ArmtreeError
 from hardware.printable import plural
 
 NEARER = "choose a point within reach"  # advice for a point that is too far
+_SHOWN = 20  # largest number of mistakes in a message
 _MISSING_LIBRARY = re.compile(r"(\w+)\.so\.(\d+): cannot open shared object file")
 
 
@@ -79,10 +80,35 @@ class NotFinite(BadQuery):
 
 
 class BadWorld(BadQuery):
-    """A body of the world is not valid, or names an unknown link or body."""
+    """A body of the world is not valid, or names an unknown link or body.
+
+    Attributes:
+        location: Location of the wrong value in a list of bodies, such as (0, "box", "size"); empty
+            if it is unknown.
+    """
 
     code = "plan.bad_world"
     heading = "The world is invalid"
+    _several: "Sequence[BadWorld]" = ()
+
+    def __init__(self, message: str, *location: int | str) -> None:
+        self.location = location
+        super().__init__(message)
+
+    @classmethod
+    def of(cls, mistakes: "Sequence[BadWorld]") -> "BadWorld":
+        """Return one error for one or several mistakes. Its message has the first ones."""
+        lines = [str(each) for each in mistakes[:_SHOWN]]
+        if len(mistakes) > _SHOWN:
+            lines.append(f"and {plural(len(mistakes) - _SHOWN, 'more mistake')}")
+        error = cls("\n".join(lines), *mistakes[0].location)
+        error._several = mistakes
+        return error
+
+    @property
+    def all(self) -> "Sequence[BadWorld]":
+        """All mistakes; this error if it is the only one."""
+        return self._several or (self,)
 
 
 class ModelUnusable(MotionError):

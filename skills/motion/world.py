@@ -2,17 +2,20 @@
 
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import MISSING, dataclass, field, fields
 from typing import Any
 
-from hardware.spelling import suggestion
+from hardware.spelling import did_you_mean, suggestion
 
 from .errors import BadWorld, shown
 from .validation import MAX_MAGNITUDE, MIN_SIZE
 
 MAX_BODIES = 1000  # a scene of 1000 takes a second; the cost of pinocchio is cubic
 _ROUNDED = 1e-2  # largest error in the length of a quaternion with three or more digits
+_METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 _UNIT = 1e-6  # largest error in the length of a quaternion that was not rounded
 _MAX_SHOWN = 60  # largest number of characters of a value in a message
 
@@ -88,42 +91,51 @@ class Body:
     touches: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
+        if wrong := list(self._mistakes()):
+            raise BadWorld.of(wrong)
+
+    def _mistakes(self) -> Iterator[BadWorld]:
         if not _word(self.name):
-            raise BadWorld(f"The name of a body is {_shown(self.name)}; give a text")
+            yield BadWorld(f"The name of a body is {_shown(self.name)}; give a text", "name")
+            return
         what = f"of {self.name} is"
-        if not isinstance(self.shape, Shape):
-            raise BadWorld(f"The shape {what} {shown(self.shape)}; give {', '.join(_SHAPES)}")
-        self._check_sizes(what)
+        if isinstance(self.shape, Shape):
+            yield from self._wrong_sizes(what)
+        else:
+            yield BadWorld(f"The shape {what} {shown(self.shape)}; give {', '.join(_SHAPES)}")
         if not _reals(self.position, 3):
             form = f"x, y, z in m, from {-MAX_MAGNITUDE:g} to {MAX_MAGNITUDE:g}"
-            raise BadWorld(f"The position {what} {_shown(self.position)}; give {form}")
+            words = f"The position {what} {_shown(self.position)}; give {form}"
+            words += _meant(self.position, 3) if isinstance(self.position, Mapping) else ""
+            yield BadWorld(words, "position")
         if not _is_unit(self.rotation, _UNIT):
             turn = _shown(self.rotation)
             if _reals(self.rotation, 4):
                 turn += f", of length {math.hypot(*self.rotation):g}"
             form = "x, y, z, w of a unit quaternion (length 1)"
-            raise BadWorld(f"The rotation {what} {turn}; give {form}")
+            words = f"The rotation {what} {turn}; give {form}{_meant(self.rotation, 4)}"
+            yield BadWorld(words, "rotation")
         if not isinstance(self.link, str):
-            raise BadWorld(
-                f"The link {what} {_shown(self.link)}; give the name of a link, or omit it"
-            )
+            words = f"The link {what} {_shown(self.link)}; give the name of a link, or omit it"
+            yield BadWorld(words, "link")
         if not isinstance(self.touches, frozenset) or not all(map(_word, self.touches)):
-            raise BadWorld(
-                f"The value touches {what} {shown(self.touches)}; give names, in a frozenset"
-            )
+            words = f"The value touches {what} {shown(self.touches)}; give names, in a frozenset"
+            yield BadWorld(words, "touches")
 
-    def _check_sizes(self, what: str) -> None:
+    def _wrong_sizes(self, what: str) -> Iterator[BadWorld]:
+        kind = type(self.shape).__name__.lower()
         for part in fields(self.shape):
-            value, vector = getattr(self.shape, part.name), part.type == Vector
+            value = getattr(self.shape, part.name)
             if part.type is str:
-                if not _word(value):
-                    raise BadWorld(
-                        f"The {part.name} {what} {_shown(value)}; give the name of a file"
-                    )
-            elif not _reals(value if vector else (value,), 3 if vector else 1, MIN_SIZE):
+                right, form = _word(value), "the name of a file"
+            else:
+                vector = part.type == Vector
+                right = _reals(value if vector else (value,), 3 if vector else 1, MIN_SIZE)
                 form = "x, y, z, each" if vector else "a number"
-                form += f" above 0, up to {MAX_MAGNITUDE:g}"
-                raise BadWorld(f"The {part.name} {what} {_shown(value)}; give {form}")
+                form += f" above 0, up to {MAX_MAGNITUDE:g} m{_meant(value, 3 if vector else 1)}"
+            if not right:
+                words = f"The {part.name} {what} {_shown(value)}; give {form}"
+                yield BadWorld(words, kind, part.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -197,14 +209,21 @@ class World:
         Raises:
             BadWorld: The value is not a valid list of bodies.
         """
+        if isinstance(bodies, Mapping) and "name" in bodies:
+            raise BadWorld(f"{_shown(bodies)} is a body, not a list of bodies; put it into [ ]")
         if not isinstance(bodies, Iterable) or isinstance(bodies, str | Mapping):
             raise BadWorld(f"{_shown(bodies)} is not a list of bodies, such as {_EXAMPLE}")
-        found = []
-        for number, body in enumerate(bodies, 1):
+        found, wrong = [], list[BadWorld]()
+        for number, body in enumerate(bodies):
             try:
                 found.append(_parsed(body))
             except BadWorld as error:
-                raise BadWorld(f"Body {number}: {error}") from error
+                wrong += [
+                    BadWorld(f"Body {number + 1}: {each}", number, *each.location)
+                    for each in error.all
+                ]
+        if wrong:
+            raise BadWorld.of(wrong)
         return cls(tuple(found))
 
 
@@ -244,20 +263,39 @@ def _parsed(plain: Any) -> Body:
     name = plain.get("name", "")
     if not isinstance(name, str) or not name:
         what = f"Its name is {_shown(name)}" if name else "It has no name"
-        raise BadWorld(f"{what}; give a text")
+        raise BadWorld(f"{what}; give a text", "name")
     keys = [each.name for each in fields(Body) if each.name != "shape"]
-    _check_keys(name, plain, [*keys, *_SHAPES])
+    wrong = [*_unknown_keys(name, plain, [*keys, *_SHAPES], ["position"])]
     forms = [kind for kind in _SHAPES if kind in plain]
-    if len(forms) != 1:
+    shape: Shape = Sphere(MIN_SIZE)  # in place of a wrong one, to check the other values
+    if len(forms) == 1:
+        with _kept(wrong):
+            shape = _form(name, forms[0], plain[forms[0]])
+    elif forms or not wrong:
         what = f"the shapes {' and '.join(forms)}" if forms else "no shape"
-        raise BadWorld(f"{name} has {what}; give one of {', '.join(_SHAPES)}")
+        wrong.append(BadWorld(f"{name} has {what}; give one of {', '.join(_SHAPES)}"))
     rest = {key: _tupled(plain[key]) for key in keys if key in plain}
     touches = rest.pop("touches", ())
     if not isinstance(touches, tuple) or not all(map(_word, touches)):
-        raise BadWorld(f"The key touches of {name} is {_shown(touches)}; give a list of names")
+        words = f"The key touches of {name} is {_shown(touches)}; give a list of names"
+        wrong.append(BadWorld(words, "touches"))
+        touches = ()
     if "rotation" in rest and _is_unit(rest["rotation"], _ROUNDED):
         rest["rotation"] = _scaled(rest["rotation"])
-    return Body(shape=_form(name, forms[0], plain[forms[0]]), touches=frozenset(touches), **rest)
+    with _kept(wrong):
+        body = Body(shape=shape, touches=frozenset(touches), **rest)
+    if wrong:
+        raise BadWorld.of(wrong)
+    return body
+
+
+@contextmanager
+def _kept(wrong: list[BadWorld]) -> Iterator[None]:
+    """Add the mistakes of the block to a list."""
+    try:
+        yield
+    except BadWorld as error:
+        wrong += error.all
 
 
 def _form(name: str, kind: str, plain: Any) -> Shape:
@@ -265,19 +303,58 @@ def _form(name: str, kind: str, plain: Any) -> Shape:
     wanted = [part.name for part in parts]
     if not isinstance(plain, Mapping):
         what = f"The {kind} of {name} is {_shown(plain)}"
-        raise BadWorld(f"{what}; give an object with its {' and '.join(wanted)}")
-    _check_keys(f"the {kind} of {name}", plain, wanted)
-    for part in parts:
-        if part.name not in plain and part.default is MISSING:
-            raise BadWorld(f"The {kind} of {name} has no {part.name}; give one")
+        near = (
+            did_you_mean(f"{{{json.dumps(wanted[0])}: {_shown(plain)}}}") if not wanted[1:] else ""
+        )
+        raise BadWorld(f"{what}; give an object with its {' and '.join(wanted)}{near}", kind)
+    needed = [part.name for part in parts if part.default is MISSING]
+    wrong = [*_unknown_keys(f"the {kind} of {name}", plain, wanted, needed, kind)]
+    if not wrong:
+        missing = [part for part in needed if part not in plain]
+        wrong = [
+            BadWorld(f"The {kind} of {name} has no {each}; give one", kind) for each in missing
+        ]
+    if wrong:
+        raise BadWorld.of(wrong)
     return shape(**{key: _tupled(value) for key, value in plain.items()})
 
 
-def _check_keys(owner: str, plain: Mapping[str, Any], known: Sequence[str]) -> None:
-    for key in plain:
-        if key not in known:
-            there = ", ".join(known) + suggestion(str(key), known, plain)
-            raise BadWorld(f"{_shown(key)} is not a key of {owner}; the keys are {there}")
+def _unknown_keys(
+    owner: str,
+    plain: Mapping[str, Any],
+    known: Sequence[str],
+    needed: Sequence[str],
+    *location: str,
+) -> Iterator[BadWorld]:
+    """Yield the mistakes of unknown keys. A single one may mean the needed key that is missing."""
+    unknown = [key for key in plain if key not in known]
+    missing = [key for key in needed if key not in plain]
+    for key in unknown:
+        near = suggestion(str(key), known, plain)
+        if not near and len(unknown) == len(missing) == 1:
+            near = did_you_mean(missing[0])
+        words = f"{_shown(key)} is not a key of {owner}; the keys are {', '.join(known)}{near}"
+        yield BadWorld(words, *location, key)
+
+
+def _meant(value: Any, count: int) -> str:
+    """Return a question with the numbers that a value most likely means; empty if that is unclear.
+
+    Args:
+        value: A wrong value.
+        count: Number of numbers: 1 or 3 lengths, or 4 of a quaternion.
+    """
+    meant: Any = None
+    found = re.fullmatch(r"([\d.]+) ?(mm|cm|m)", value) if isinstance(value, str) else None
+    if isinstance(value, Mapping) and [*value] == ["x", "y", "z", "w"][:count]:
+        meant = [*value.values()]
+    elif count == 1 and found:
+        meant = float(f"{float(found[1]) * _METRES[found[2]]:.6g}")
+    elif count == 3 and _reals((value,), 1, MIN_SIZE):
+        meant = [value] * 3
+    elif count == 4 and _reals(value, 3):  # roll, pitch and yaw
+        meant = [float(f"{part:.4g}") for part in quaternion(*value)]
+    return did_you_mean(json.dumps(meant)) if meant is not None else ""
 
 
 def _tupled(value: Any) -> Any:

@@ -378,7 +378,7 @@ def test_the_files_that_a_task_needs(robot: Robot, tmp_path: Path) -> None:
     }
     assert reported(robot, tmp_path, files) == {
         "poses.yaml": {
-            "'x' is not an angle in rad or deg",
+            "'x' is not an angle in rad or deg, such as 20 deg",
             f"far: joint_1 = {far}",
             f"far: joint_2 = {far}",
             "no pose closed; ",

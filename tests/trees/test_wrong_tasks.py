@@ -58,8 +58,8 @@ WRONG = [
      "joint_5 out", "      with: {arm: upright, gripper: {joint_4: -0.3}}"),
     ("arm: upright", "arm: open", "7:19 the arm has joint_1, joint_2, joint_3, not "
      "joint_4; saved poses of it are upright, right, folded", f"      {REACH}"),
-    ("subtree: reach", "subtree: trees/reach.yaml", "6:16 subtree: 'trees/reach.yaml' is not a "
-     "name (a letter, then letters, digits, _ or -); did you mean reach?", "    - subtree: reach"),
+    ("subtree: reach", "subtree: trees/reach.yaml", "6:16 no subtree trees/reach.yaml; write its "
+     "name, without its folder: reach", "    - subtree: reach"),
     ("subtree: reach", "subtree: [reach]", "6:16 subtree: write the name without brackets",
      "    - subtree: reach"),
     (f"sequence:\n    - subtree: reach\n      {REACH}\n    - subtree: move_joints\n      {MOVE}",

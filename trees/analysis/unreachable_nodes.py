@@ -202,9 +202,12 @@ class _Node:
         value = EXAMPLES.get(kind.options[option].type, "…") if kind else ""
         return added_below(self.tree.places[self.behaviour], f"{option}: {value}")
 
-    def wrong(self, message: str, option: str = "", missing: str = "") -> None:
+    def wrong(self, message: str, option: str = "", missing: str = "", kind: str = "") -> None:
         """Report a mistake of the node, of one of its options, or of one that it lacks."""
-        self.report(message, self.with_option(missing) if missing else None, option)
+        right = self.with_option(missing) if missing else None
+        if kind and self.control:
+            right = self.tree.places[self.behaviour].replaced(self.control.kind.name, kind)
+        self.report(message, right, option)
 
     def report(self, message: str, instead: Correction | None, option: str = "") -> None:
         """Report a mistake with the correct lines."""

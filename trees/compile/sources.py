@@ -1,12 +1,13 @@
 """The source files of a tree: subtrees, other tasks and poses."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from hardware import Robot
 from hardware.spelling import there_are_numbers
-from trees.errors import FileError, Mistakes
-from trees.reading.grammar import TaskFile
+from trees.errors import FileError, Mistake, Mistakes, Place
+from trees.reading.document import nested
+from trees.reading.grammar import PosesFile, TaskFile
 from trees.reading.library import Library, poses_of
 from trees.reading.specs import SubtreeNode
 
@@ -52,7 +53,7 @@ class Sources:
             mistakes.take(error.mistakes)
             return
         self.poses = poses_of(files)
-        mistakes.take(wrong)
+        mistakes.take(with_joints(wrong, files, robot))
         for file in files:
             for name, pose in file.labels.items():
                 found = Mistakes()
@@ -87,3 +88,27 @@ class Sources:
         mistakes.take(wrong)
         self.files[file.path.name] = file.text
         return file
+
+
+def with_joints(
+    mistakes: Sequence[Mistake], files: Sequence[PosesFile], robot: Robot
+) -> list[Mistake]:
+    """Return mistakes of poses. Lists of values, and poses in poses, get the names of joints."""
+    groups = [[joint.name for joint in robot.actuated_in(group)] for group in robot.groups]
+    poses, better = poses_of(files), dict[Place, Mistake]()
+    for pose in (pose for file in files for pose in file.labels.values()):
+        items = pose.value if isinstance(pose.value, list) else []
+        names = next((each for each in groups if items and len(each) == len(items)), [])
+        if names:
+            pairs = zip(names, (item.as_yaml() for item in items), strict=True)
+            near = f"{{{', '.join(map(': '.join, pairs))}}}"
+            why = f"{pose} has no names of joints; write {near}"
+            better[pose.place] = Mistake(pose.place, why, pose.instead(near))
+        for key, item in nested(pose).items():
+            if isinstance(item.value, str) and item.value in poses:
+                joints = poses[item.value].items()
+                near = ", ".join(f"{joint}: {position:.4g}" for joint, position in joints)
+                why = f"{item.value} is a pose, not an angle; write its joints: {near}"
+                right = item.label.replaced(f"{key}: {item.value}", near)
+                better[item.place] = Mistake(item.place, why, right)
+    return [better.get(each.place, each) for each in mistakes]

@@ -121,11 +121,13 @@ def _meant_subtree(source: str, values: Mapping[str, Value], library: Library) -
     if (begun := _begun(source, subtrees))[1:]:
         near = _taking(source, values, library)
         return near, f"there are the subtrees {', '.join(begun)}{did_you_mean(near)}"
-    there = there_are(source, subtrees)
+    there, stem = there_are(source, subtrees), re.split(r"[/\\]", source)[-1].removesuffix(".yaml")
+    if stem in subtrees:
+        return stem, f"write its name, without its folder: {stem}"
     near = closest(source, subtrees)
     if near and (other := only_taker(values, library)) and other != near:
         return other, did_you_mean(other).removeprefix("; ")
-    return near, there if near else f"{there}; a subtree of your own is a file {source}.yaml"
+    return near, there if near else f"{there}; a subtree of your own is a file {stem}.yaml"
 
 
 def _begun(word: str, subtrees: Collection[str]) -> list[str]:

@@ -89,13 +89,14 @@ class Node(Protocol):
             how: Word for the end of a child after which the next one runs, for the message.
         """
 
-    def wrong(self, message: str, option: str = "", missing: str = "") -> None:
+    def wrong(self, message: str, option: str = "", missing: str = "", kind: str = "") -> None:
         """Report a mistake of the node.
 
         Args:
             message: The mistake.
             option: The wrong option; empty for the whole node.
             missing: An option that the node lacks; empty for none.
+            kind: Kind of control node that it should be; empty for its own.
         """
 
     def too_slow(self, option: str, shortest: float) -> None:

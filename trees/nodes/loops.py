@@ -171,7 +171,7 @@ class RepeatKind(ControlNodeKind):
     name = "repeat"
     options = {"times": count("number of rounds; no limit without it", optional=True)}
     placeholders = {"times": 1}
-    synonyms = ("loop", "for", "KeepRunningUntilFailure", "Repeat")
+    synonyms = ("loop", "for", "for_each", "foreach", "KeepRunningUntilFailure", "Repeat")
     other_options = {"num_cycles": "times"}
     lasting = True
     limit = "times"

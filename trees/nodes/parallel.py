@@ -102,10 +102,10 @@ class ParallelKind(ControlNodeKind):
 
     def check(self, node: Node) -> None:
         """Report several children that move the arm."""
-        if sum(child.moves() for child in node.below()) > 1:
-            node.wrong(
-                "only one node of a parallel may move the arm; put its moves into a sequence"
-            )
+        moves = [child.moves() for child in node.below()]
+        if sum(moves) > 1:
+            why = "only one node of a parallel may move the arm; put its moves into a sequence"
+            node.wrong(why, kind="sequence" if all(moves) else "")
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
         """Return the possible outcomes, and report a race that no child can win."""

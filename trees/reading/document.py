@@ -58,8 +58,6 @@ class StandIn:
     __repr__ = __str__
 
 
-NO_CALCULATION = "a task file does not calculate; declare another parameter for this value"
-
 # Placeholder for a wrong value, so that the values around it can be checked.
 REFUSED = StandIn("", "any")
 
@@ -213,6 +211,13 @@ def calculates(text: str) -> bool:
     )
 
 
+def no_calculation(text: str) -> str:
+    """Return the message for a calculation with a parameter."""
+    name = re.sub(r"\W+", "_", text.replace("-$", "minus_")).strip("_")
+    why = "a task file does not calculate; declare another parameter for this value, such as"
+    return f"{why} {name}, and write ${name}"
+
+
 def names_within(value: Located) -> Iterator[str]:
     """Return the references in a value, without the $."""
     inner = value.value
@@ -222,6 +227,14 @@ def names_within(value: Located) -> Iterator[str]:
         yield (reference(inner) or inner)[1:]
     for item in inner if isinstance(inner, list) else nested(value).values():
         yield from names_within(item)
+
+
+def texts_within(value: Located) -> Iterator[Located]:
+    """Return the texts in a value."""
+    if isinstance(value.value, str):
+        yield value
+    for item in value.value if isinstance(value.value, list) else nested(value).values():
+        yield from texts_within(item)
 
 
 # A directive could change the meaning of values. Editors and parsers count lines differently if a

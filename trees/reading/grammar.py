@@ -15,11 +15,11 @@ from hardware.spelling import closest, corrections, did_you_mean
 from trees.declarations import LIST, TYPES, UNITS, Declaration
 from trees.errors import Correction, FileError, Mistake, Mistakes
 
-from .document import Located, NotYaml, draft_document, names_within, nested
-from .lines import as_mapping, replaced_block
-from .literals import fit, measured
+from .document import Located, NotYaml, draft_document, names_within, nested, texts_within
+from .lines import as_mapping, pieces, replaced_block
+from .literals import fit, in_unit_of_default, measured
 from .node_parser import NodeParser, respell
-from .node_words import FILES, begins_node, holds_nodes, synonyms
+from .node_words import FILES, begins_node, holds_nodes, kinds, synonyms
 from .repairs import repairing
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
 
@@ -303,8 +303,8 @@ class _Parser:
         def is_below(key: str, value: Located) -> bool:
             if key in known or head == "poses":
                 inside = isinstance(value.value, dict)
-                return inside and (key not in known or self.nodes.is_control(key))
-            listed = self.nodes.is_control(key) or _listed_kind(key, value)
+                return inside and (key not in known or key in kinds())
+            listed = key in kinds() or _listed_kind(key, value)
             return bool(listed) or _in_node(key, value, likely)
 
         below = {key: value for key, value in values.items() if is_below(key, value)}
@@ -386,10 +386,10 @@ class _Parser:
             return {name: Declaration(UNTYPED) for name in self._names(value, key)}
         if mapping := self.by_name(value, key):
             value = mapping
-        if pieces := _pieces(value):
+        if parts := pieces(value):
             why = f"{key}: {value} is not a mapping, but a list: leave out each `-`"
             self._wrong(value.place, why, as_mapping(value))
-            value = replace(value, value={k: v for i in pieces for k, v in nested(i).items()})
+            value = replace(value, value={k: v for i in parts for k, v in nested(i).items()})
         if not isinstance(value.value, dict):
             what = "a mapping of names to types" + (
                 ", or a list of names" if key == "ports" else ""
@@ -428,7 +428,7 @@ class _Parser:
             if isinstance(used, Key):
                 names.add(used.name)
             else:
-                texts |= {re.sub(r"\W", "", str(text.value)): text for text in _texts(used)}
+                texts |= {re.sub(r"\W", "", str(text.value)): text for text in texts_within(used)}
                 # A text without $ is not a reference.
                 names |= set() if isinstance(used.value, str) else {*names_within(used)}
         if value is None or tree == SkillNode(tree.place, "", {}):
@@ -457,11 +457,14 @@ class _Parser:
         return names
 
     def _declaration(self, value: Located, what: str, known: tuple[str, ...]) -> Declaration:
-        if kind := _type_of(value):
-            typed = f"{{type: {kind}, default: {value.as_yaml()}}}"
+        texts = [*texts_within(value)] if isinstance(value.value, list) else []
+        if kind := "text" if texts else _type_of(value):
+            default = texts[0] if texts else value
+            choices = f"choices: {value.as_yaml()}, " if texts else ""
+            typed = f"{{type: {kind}, {choices}default: {default.as_yaml()}}}"
             why = f"{what} needs a type, and {value} is a value: write {typed}"
             self._wrong(value.place, why, value.instead(typed))
-            return Declaration(kind, default=value)
+            return Declaration(kind, default=default)
         if isinstance(value.value, str):
             return Declaration(self._type(value, what, "output" in known))
         keys = self._corrections(nested(value), known)
@@ -477,7 +480,8 @@ class _Parser:
             self._wrong(value.place, f"{what} needs a type: {there}", right)
         if "default" in keys and output:
             self._wrong(keys["default"].label, f"{what} is an output, and outputs have no default")
-        least, most = self._bound(kind, keys.get("min")), self._bound(kind, keys.get("max"))
+        given = keys.get("default")
+        least, most = (self._bound(kind, keys.get(key), key, given) for key in ("min", "max"))
         if least is not None and most is not None and most < least:
             self._wrong(keys["max"].place, f"{what}: max is less than min")
         return Declaration(
@@ -514,9 +518,14 @@ class _Parser:
             return None
         return wired
 
-    def _bound(self, kind: str, value: Located | None) -> Any:
+    def _bound(self, kind: str, value: Located | None, key: str, default: Located | None) -> Any:
         if value is None:
             return None
+        if near := in_unit_of_default(value, default, key):
+            unit = next(iter(UNITS[kind]))
+            why = f"{key}: {value} without a unit is {value} {unit}{did_you_mean(near)}"
+            self._wrong(value.place, why, value.instead(near))
+            value = replace(value, value=near)
         inner = kind.removeprefix(LIST)
         if inner in ("text", "boolean", "positions"):
             self._wrong(value.label, f"a {inner} has no min and no max")
@@ -551,15 +560,6 @@ def _types() -> str:
     return f"{', '.join(plain)}, and a list of one"
 
 
-def _pieces(value: Located) -> list[Located]:
-    """Return the pieces of a mapping of names that is split, each below a dash; else nothing."""
-    items = value.value if isinstance(value.value, list) else []
-    keys = [key for item in items for key in nested(item)]
-    flow = not value.place.brackets and any(item.place.brackets for item in items)
-    unique = all(map(nested, items)) and len(keys) == len({*keys})
-    return items if unique and not flow and not {"name", "type"} <= {*keys} else []
-
-
 def _type_of(value: Located) -> str:
     """Return the type of a number, a quantity or a boolean; else an empty text."""
     kinds = {int: "integer", float: "number", bool: "boolean"}
@@ -589,11 +589,3 @@ def _values(node: TreeNode) -> Iterator[Value]:
             yield from node.ports.values()
         case SubtreeNode():
             yield from node.values.values()
-
-
-def _texts(value: Located) -> Iterator[Located]:
-    """Return the texts in a value."""
-    if isinstance(value.value, str):
-        yield value
-    for item in value.value if isinstance(value.value, list) else nested(value).values():
-        yield from _texts(item)

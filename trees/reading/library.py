@@ -307,10 +307,19 @@ class Library:
         return self._paths[source]
 
     def _instead(self, task: int | str) -> str:
-        """Return what an unknown task may be instead: a pose, or a task of another robot."""
+        """Return what an unknown task may be instead: a pose, subtree, or task of another robot.
+
+        Raises:
+            FileError: It is in a file with the name of a subtree.
+        """
         with suppress(FileError):  # `check` reports the mistakes of the poses
             if task in self.poses()[0]:
                 return f"{task} is a pose, not a task: `armtree move {task}`"
+        for name in self.subtrees():
+            if name == task or re.search(
+                rf"^task: *{re.escape(str(task))}\b", self._text(self._paths[name]), re.M
+            ):
+                self._text_of(name, self._paths[name])
         for path in sorted(self.folder.glob("*/*_*.yaml")) if self.folder else ():
             named, robot = _TASK.fullmatch(path.name), path.parent.name
             if named and task in (int(named[1]), _name(path)):
@@ -318,7 +327,11 @@ class Library:
                 known = file if Path(file).is_file() else robot if robot in shipped_robots() else ""
                 way = f"add --robot {known}" if known else "give its robot file with --robot"
                 return f"{task} is a task of {robot}: {way}"
-        return ""
+        return (
+            f"{task} is a subtree, not a task: `subtree: {task}` in a task runs it"
+            if task in self._paths
+            else ""
+        )
 
     def task(self, number: int) -> TaskFile:
         """Read a task.

@@ -152,3 +152,12 @@ def declared_above(place: Place, head: str, line: str) -> Correction | None:
         return Correction(f"  {line}", tops[head] + 1, 0)
     inline = re.fullmatch(rf"({head}: \{{.*)\}}\s*", first)
     return Correction(f"{inline[1]}, {line}}}", tops[head]) if inline else None
+
+
+def pieces(value: Located) -> list[Located]:
+    """Return the pieces of a mapping of names that is split, each below a dash; else nothing."""
+    items = value.value if isinstance(value.value, list) else []
+    keys = [key for item in items for key in nested(item)]
+    flow = not value.place.brackets and any(item.place.brackets for item in items)
+    unique = all(map(nested, items)) and len(keys) == len({*keys})
+    return items if unique and not flow and not {"name", "type"} <= {*keys} else []

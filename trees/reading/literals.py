@@ -12,7 +12,15 @@ from hardware.spelling import choices, closest, did_you_mean, there_are
 from trees.declarations import ANY, LIST, TYPES, UNITS, Declaration, type_fits, words
 from trees.errors import Correction, Mistake, Place
 
-from .document import NO_CALCULATION, REFUSED, Located, StandIn, calculates, nested, reference
+from .document import (
+    REFUSED,
+    Located,
+    StandIn,
+    calculates,
+    nested,
+    no_calculation,
+    reference,
+)
 from .lines import as_mapping, block, replaced_block, retyped
 
 _NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"
@@ -47,6 +55,17 @@ _IN_KEYS = {
     "length": {"mm", "cm", "millimeters", "centimeters"},
 }
 
+# Vectors of directions, by the axes of ROS: x forward, y to the left, z up.
+_DIRECTIONS = {
+    **dict.fromkeys(("up", "z"), "[0, 0, 1]"),
+    **dict.fromkeys(("down", "-z"), "[0, 0, -1]"),
+    **dict.fromkeys(("forward", "front", "x"), "[1, 0, 0]"),
+    **dict.fromkeys(("backward", "back", "-x"), "[-1, 0, 0]"),
+    **dict.fromkeys(("left", "y"), "[0, 1, 0]"),
+    **dict.fromkeys(("right", "-y"), "[0, -1, 0]"),
+}
+
+_EXAMPLES = {"integer": "3", "angle": "20 deg", "length": "5 cm", "duration": "2 s"}
 _HOME = "home"  # the robot file may define it for `armtree home`
 
 _LONG, _LONGEST = 100.0, 1e6  # shortest time without a unit that may be in milliseconds [s]
@@ -92,6 +111,20 @@ def in_smaller_units(value: object, unit: str) -> Iterator[tuple[str, float]]:
     for name, factor in sorted(units.items(), key=lambda each: each[1]):
         if factor < 1:
             yield f"{value:g} {name}", factor
+
+
+def in_unit_of_default(bound: Located, default: Located | None, key: str) -> str:
+    """Return a bound without a unit in the unit of the default; "" if it may be without.
+
+    It may not if only its unit excludes the default, or if it is more than a turn.
+    """
+    found = _QUANTITY.fullmatch(str(default.value)) if default else None
+    if not found or not is_bare(bound.value) or not (kind := measured(default or bound)):
+        return ""
+    sign, number = (1 if key == "min" else -1), float(found[1])
+    beyond = sign * number * UNITS[kind][found[2]] < sign * bound.value <= sign * number
+    turns = kind == "angle" and abs(bound.value) > math.tau
+    return f"{bound.value:g} {found[2]}" if beyond or turns else ""
 
 
 def in_unit_of(value: Located, point: Iterable[float]) -> tuple[str, tuple[float, ...]]:
@@ -243,6 +276,8 @@ def _items(
         example = f"[{value.plain()}, 0, 0]" if measured(value) else "[0, 0, 0]"
         if measured(value) and wanted.least and wanted.least > 0.0:  # such as the size of a box
             near = near or f"[{', '.join([str(value.plain())] * wanted.count)}]"
+        if wanted.type == f"{LIST}number":
+            near, example = near or _DIRECTIONS.get(str(value.value), ""), "[0, 0, 1]"
         one = Declaration(wanted.type.removeprefix(LIST))
         if not numbers and fit(value, one, poses, lambda *_: None) is not None:
             texts = re.split(r" *[,/|] *", str(value.value)) if one.type == "text" else []
@@ -321,12 +356,14 @@ def _plain(value: Located, wanted: Declaration, wrong: Wrong) -> Any:
 def _not(value: Located, kind: str, near: str, wrong: Wrong, hint: str = "") -> None:
     """Report a value of a wrong type, with its likely meaning."""
     near = reference(str(value.value)) or near
-    if calculates(str(value.value)):
-        hint = f"; {NO_CALCULATION}"
+    if calculates(text := str(value.value)):
+        hint = f"; {no_calculation(text)}"
     if kind in ("integer", "number"):
         count = re.sub(r" ?(times|x)$|^range\(|\)$", "", str(value.value).lower())
         near = near or (count if count.isdecimal() else "")
     hint = (hint if hint == " in quotes" else "") + did_you_mean(near) or hint
+    if kind in _EXAMPLES and not hint and re.fullmatch(r"[A-Za-z_]*", str(value.value)):
+        hint = f", such as {_EXAMPLES[kind]}"
     items = value.value if isinstance(value.value, list) else [*nested(value).values()]
     if len(items) == 1 and (measured(items[0]) == kind or type(items[0].value) in (int, float)):
         near = items[0].as_yaml()
@@ -361,7 +398,8 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
             return None
         number = float(found[1]) * UNITS[kind][found[2]]
     else:
-        near = _total(str(plain), kind) or str(plain).translate(_SIGNS)
+        near = _total(str(plain), kind) or _calculated(str(plain), kind)
+        near = near or str(plain).translate(_SIGNS)
         near = re.sub(rf"^{_NUMBER} ?\.\.+ ?{_NUMBER}", r"\1", near)  # a range has no value
         near = re.sub(rf"^([a-z]+) ?{_NUMBER}$", r"\2 \1", near)  # a unit before its number
         if (found := _QUANTITY.fullmatch(near)) and found[2] not in UNITS.get(kind, ()):
@@ -375,6 +413,20 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
         wrong(value.place, f"{value} is not finite")
         return None
     return number
+
+
+def _calculated(text: str, kind: str) -> str:
+    """Return the value of a quotient, of pi with a factor or divisor, or of radians(45); or ""."""
+    pi = rf"([-+]?)(?:{_NUMBER} ?\*? ?)?(?:\w+\.)?(?:pi|π)(?: ?/ ?{_NUMBER})?"
+    if found := re.fullmatch(pi, text.lower()):
+        factor, divisor = (float(each or 1) for each in found.groups()[1:])
+        turn = math.pi if kind != "angle" else 180.0
+        unit = " deg" if kind == "angle" else ""
+        return f"{found[1].strip('+')}{turn * factor / divisor:.6g}{unit}" if divisor else ""
+    if (found := re.fullmatch(rf"{_NUMBER} ?/ ?{_NUMBER}( ?\w+)?", text)) and float(found[2]):
+        return f"{float(found[1]) / float(found[2]):.6g}{found[3] or ''}"
+    found = re.fullmatch(rf"(?:\w+\.)?(?:(radians|deg2rad)|\w+)\({_NUMBER}\)", text)
+    return f"{found[2]}{' deg' if found[1] else ''}" if found and kind == "angle" else ""
 
 
 def _total(text: str, kind: str) -> str:
@@ -435,7 +487,8 @@ def _positions(
         pairs = {str(name.value): each for name, each in zip(*lists, strict=True)}
         near = replace(value, value=pairs).as_yaml()
         why = f"joint values are a mapping, not two lists; write {near}"
-        wrong(value.place, why, value.instead(near))
+        rows = [f"{joint}: {each.as_yaml()}" for joint, each in pairs.items()]
+        wrong(value.place, why, value.instead(near) or replaced_block(value.place, rows))
         return None
     if _no_angles(value, value.value, poses, wrong):
         return None

@@ -10,12 +10,12 @@ from trees.errors import Correction, Mistakes, Place
 
 from .corrected_nodes import apart, comparison, node_instead, twice
 from .document import (
-    NO_CALCULATION,
     REFUSED,
     Located,
     calculates,
     names_within,
     nested,
+    no_calculation,
     reference,
 )
 from .foreign_loops import EXAMPLES, is_amount, read_loop
@@ -40,6 +40,7 @@ _NODE = "a node"  # its name cannot be a name of a user's own
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WORDS = re.compile(r"[A-Za-z]+( [A-Za-z]+)+")
+_PATH = re.compile(r"[\w./\\-]*[/\\][\w.-]+")
 # Words of other programs for the key `with`.
 _WITH = ("args", "arguments", "params", "parameters", "ports", "inputs", "input", "values")
 
@@ -182,10 +183,6 @@ class NodeParser:
         keys = {name: Key(value.place, name, value.label) for name in names_within(value)}
         return SkillNode(value.place, "", keys)
 
-    def is_control(self, key: str) -> bool:
-        """Return True if a key begins a control node."""
-        return key in kinds()
-
     def is_name(self, value: object) -> TypeGuard[str]:
         """Return True if a value is a name."""
         return isinstance(value, str) and NAME.fullmatch(value) is not None
@@ -197,11 +194,8 @@ class NodeParser:
         why = f"{what}: {value} is not a name (a letter, then letters, digits, _ or -)"
         if self.is_name(named):
             return self._as_named(value, what, why, named)
-        stem = (
-            re.split(r"[/\\]", str(value.value or "").partition(" //")[0].rstrip())[-1]
-            .removesuffix(".yaml")
-            .lstrip("$")
-        )
+        stem = str(value.value or "").partition(" //")[0].rstrip()
+        stem = stem.removesuffix(".yaml").lstrip("$")
         near = stem if self.is_name(stem) or what == _NODE else joined(stem)
         near = near if self.is_name(near) else ""
         right = value.instead(near)
@@ -256,7 +250,7 @@ class NodeParser:
         if value.value.startswith("$$"):
             return Located(value.place, value.value[1:], value.label)
         if calculates(value.value):
-            self._wrong(value.place, NO_CALCULATION)
+            self._wrong(value.place, no_calculation(value.value))
             self.spare |= {*names_within(value)}
             return replace(value, value=REFUSED)
         if meant := reference(value.value):
@@ -409,6 +403,8 @@ class NodeParser:
             number = 0 if self.is_name(given.value) else self.number(given, head)
             source = given.value if self.is_name(given.value) else ""
             source = number if is_number(given.value) else source
+        elif _PATH.fullmatch(str(keys[head].value)):
+            source = str(keys[head].value)  # the compiler knows the files
         else:
             source = self.name(keys[head], head)
         values = self._wiring(keys["with"]) if "with" in keys else {}

@@ -79,7 +79,7 @@ SETTINGS = {
     "world": Setting(
         metavar="FILE",
         type=PATH,
-        help="JSON file with the bodies around the arm; see *Plan and explain*.",
+        help="JSON or YAML file with the bodies around the arm; see *Plan and explain*.",
     ),
     "recordings": Setting(
         metavar="FOLDER", type=PATH, default=Setup.recordings, help="Folder for recordings."

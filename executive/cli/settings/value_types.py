@@ -9,6 +9,7 @@ import click
 
 from hardware.spelling import did_you_mean
 
+_LEAST_PERCENT = 5  # smallest number above 1 that may be a share in %
 PATH = click.Path(path_type=Path)
 
 
@@ -26,7 +27,8 @@ class Finite(click.FloatRange):
             share = _number(str(value).removesuffix("%")) / 100
             self.fail(f"{value} is not a finite number{self._instead(share)}", param, ctx)
         if why := _outside(self, number):
-            self.fail(f"{value} {why}{self._instead(number / 100)}", param, ctx)
+            share = number / 100 if number >= _LEAST_PERCENT else math.nan
+            self.fail(f"{value} {why}{self._instead(share)}", param, ctx)
         return number
 
     def _instead(self, share: float) -> str:

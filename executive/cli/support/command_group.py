@@ -15,6 +15,13 @@ from hardware.spelling import did_you_mean, suggestion
 
 _OWN, _COMMON = "Options", "Options of every command"
 _SECTIONS = (_OWN, SETTINGS_SECTION, _COMMON)
+# Names of commands in other programs, and what they may be here.
+_OTHER_NAMES = {
+    **dict.fromkeys(("delete", "remove", "del"), ("rm",)),
+    **dict.fromkeys(("list", "dir"), ("ls", "tasks")),
+    **dict.fromkeys(("goto", "go", "moveto"), ("move",)),
+    **dict.fromkeys(("start", "exec", "execute"), ("run",)),
+}
 # Environment variable of a shell's request for completions.
 COMPLETION_VARIABLE = "_ARMTREE_COMPLETE"
 
@@ -143,7 +150,8 @@ class CommandGroup(click.Group):
             names = self.list_commands(ctx)  # click knows only imported commands
             if args[0] in names or args[0].startswith("-"):
                 raise
-            near = suggestion(args[0], names)
+            other = next((each for each in _OTHER_NAMES.get(args[0], ()) if each in names), "")
+            near = did_you_mean(other) or suggestion(args[0], names)
             if ctx.parent and "show" in names and len(args) == 1:  # such as `armtree log latest`
                 near = near or did_you_mean(f"{ctx.command_path} show {args[0]}")
             why = f"No such command {args[0]!r}{near}"

@@ -12,7 +12,7 @@ import click
 from executive.cli.terminal.streams import echo
 from executive.code_table import exit_status
 from hardware import ArmtreeError, InternalError, host_limit
-from hardware.spelling import did_you_mean
+from hardware.spelling import closest, did_you_mean
 
 if TYPE_CHECKING:
     from executive.api.outcome import Cause
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 
 _QUOTE = "'"
+_NEAR = 0.71  # smallest similarity to suggest an option
 
 
 class Refusal(click.ClickException):
@@ -70,14 +71,30 @@ def _usage_words(error: click.ClickException) -> str:
     """Return the message of a wrong command line, with the command that shows the right one."""
     words = error.format_message().replace("\n\t", " ").rstrip(".")
     if isinstance(error, click.NoSuchOption):
-        near, *_ = error.possibilities or [""]
-        words = error.message.rstrip(".") + did_you_mean(near)
+        words = error.message.rstrip(".") + _instead_of(error)
     elif isinstance(error, click.BadParameter) and error.param and error.message:
         words = f"{error.param.get_error_hint(error.ctx).replace(_QUOTE, '')}: {error.message}"
-        words = words.rstrip(".")
     if not isinstance(error, click.UsageError) or error.ctx is None or words.endswith("?"):
         return words
-    return f"{words}; see {error.ctx.command_path} --help"
+    context, argument = error.ctx, isinstance(getattr(error, "param", None), click.Argument)
+    if (argument and "write" not in words) or words.startswith("Got unexpected"):
+        _, *pieces = context.command.collect_usage_pieces(context)
+        words += f"; write {' '.join([context.command_path, *pieces])}"
+    return f"{words}; see {context.command_path} --help"
+
+
+def _instead_of(error: click.NoSuchOption) -> str:
+    """Return what to write instead of an unknown option; empty if that is unclear."""
+    known = error.ctx.command.params if error.ctx else []
+    names = [name for each in known for name in each.opts]
+    if near := closest(error.option_name, [name for name in names if name[:1] == "-"], _NEAR):
+        return did_you_mean(near)
+    name = error.option_name.lstrip("-").replace("-", "_")
+    if "--set" in names:
+        return f"; for a parameter of the task write --set {name}=VALUE"
+    if {"target", "goal"} & {*names}:
+        return f"; for a joint write {name}=VALUE, without dashes"
+    return ""
 
 
 def _print_json(cause: "Cause", error: Exception) -> int:

@@ -195,6 +195,17 @@ def _shipped_robots(_context: click.Context, _word: str) -> Iterator[tuple[str, 
     yield from ((name, "ships with armtree") for name in shipped_robots())
 
 
+def _task_of_file(path: Path) -> str:
+    """Return what to write instead of the file of a task."""
+    from hardware import shipped_robots
+
+    words = [path.stem.partition("_")[2] or path.stem]
+    folder = path.parent.parent if path.parent.name in shipped_robots() else path.parent
+    if folder != Path("trees") and (folder != Path() or path.exists()):
+        words += ["--trees", str(folder)]
+    return f"{path} is a file; a task has a number or a name: write {' '.join(words)}"
+
+
 class TaskName(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4
     """The number of a task, or its name. It need not exist."""
 
@@ -211,6 +222,12 @@ class TaskName(click.ParamType):  # type: ignore[type-arg]  # generic since clic
             self.fail(f"{text} is a recording: `armtree replay {text}` plays it", param, ctx)
         if text.isdecimal() and len(text) < 20 and int(text) <= _LARGEST:
             return int(text)
+        if "=" in text:
+            self.fail(f"{text} is a parameter of a task: write --set {text}", param, ctx)
+        if "," in text:
+            self.fail(f"write tasks without commas: {text.replace(',', ' ')}", param, ctx)
+        if text.endswith((".yaml", ".yml")):
+            self.fail(_task_of_file(Path(text)), param, ctx)
         if not text[:1].isalpha():
             why = f"{text!r} is neither the number of a task, from 0 to {_LARGEST}, nor a name"
             self.fail(why, param, ctx)

@@ -101,7 +101,7 @@ def read_words(
             if word not in poses:
                 offers = [*([f"{WIDTH}=20mm"] if robot.gripper else []), "x y z of the tool", *also]
                 raise BadTarget(_no_pose(word, words, poses, offers, quoted))
-            _check_names(poses[word], robot)
+            _check_names(poses[word], robot, (), poses)
             joints |= poses[word]
             continue
         if joint == WIDTH and WIDTH not in units:
@@ -110,7 +110,7 @@ def read_words(
                 raise BadTarget(f"{why}; give the whole width, such as {WIDTH}=20mm")
             joints |= _at_width(robot, text)
             continue
-        _check_names((joint,), robot, words)
+        _check_names((joint,), robot, words, poses)
         if joint in given:
             total = ", with the sum of its changes" if given[joint] == name != joint else ""
             raise BadTarget(f"{joint} is given twice; give it once{total}")
@@ -276,10 +276,13 @@ def _check_spelling(words: Sequence[str], robot: Robot, quoted: bool) -> None:
         robot: Description of the robot.
         quoted: True if the words are already in quotes.
     """
-    if any("," in word for word in words):
-        text, decimals = " ".join(words), all(re.search(r"\d,\d", word) for word in words)
+    written = " ".join(words)
+    text = written if "=" in written else re.sub("[][(){}]", "", written)
+    if "," in written or text != written:
+        decimals = all(re.search(r"\d,\d", word) for word in words)
         right = text.replace(",", ".") if decimals and len(words) > 1 else text.replace(",", " ")
-        raise BadTarget(f"{text!r} contains commas; write {' '.join(right.split())}")
+        odd = "commas" if text == written else "brackets"
+        raise BadTarget(f"{written!r} contains {odd}; write {' '.join(right.split())}")
     joints = [joint.name for joint in robot.actuated]
     for number, word in enumerate(words):
         named, _, rest = re.sub("[: ]+", "=", word).partition("=")
@@ -366,6 +369,8 @@ def _no_pose(
         why = f"{given} has {plural(len(numbers), 'number')}; the point for the tool has three"
         moves = " or ".join(["JOINT=VALUE", *(each for each in offers if each.startswith(WIDTH))])
         return f"{why}, {point}. Or say what moves: {moves}"
+    if (rest := [each for each in words if each != word]) and {*rest} <= poses.keys():
+        return f"{word!r} is not a pose; leave it out: {' '.join(rest)}"
     others = ["JOINT=VALUE", "JOINT+=CHANGE", *offers]
     instead = f"{', '.join(others[:-1])} or {others[-1]}"
     instead += ", all of it in one pair of quotes" if quoted else ""
@@ -374,20 +379,22 @@ def _no_pose(
     return f"{word!r} is not a pose; {there}{stop} Or give {instead}"
 
 
-def _instead(name: str, words: Sequence[str], robot: Robot) -> str:
+def _instead(name: str, words: Sequence[str], robot: Robot, poses: Poses) -> str:
     """Return what to write instead of words that name the gripper or x, y, z; empty for others."""
     values = dict(word.split("=", 1) for word in words if "=" in word)
     if values.keys() == set("xyz") and len(words) == 3:
         return f"for a point for the tool write {values['x']} {values['y']} {values['z']}"
+    if values.get(name) in poses:
+        return f"{values[name]} is a pose: write {values[name]}"
     return f"write {WIDTH}=20mm" if name == "gripper" and name in values and robot.gripper else ""
 
 
-def _check_names(names: Collection[str], robot: Robot, words: Sequence[str] = ()) -> None:
+def _check_names(names: Collection[str], robot: Robot, words: Sequence[str], poses: Poses) -> None:
     actuated = [joint.name for joint in robot.actuated]
     leaders = {joint.name: joint.mimic.leader for joint in robot.joints if joint.mimic}
     for name in names:
         if leader := leaders.get(name):
             raise BadTarget(f"{name} follows {leader}; name {leader} instead")
         if name not in actuated:
-            instead = _instead(name, words, robot) or there_are(name, actuated)
+            instead = _instead(name, words, robot, poses) or there_are(name, actuated)
             raise BadTarget(f"{name} is not an actuated joint; {instead}")

@@ -87,8 +87,11 @@ def test_wrong_usage_has_no_traceback(tmp_path: Path) -> None:
 
 def test_the_choices_of_a_missing_argument_are_in_one_line(tmp_path: Path) -> None:
     error = typed(tmp_path, "completion")[2]
-    choices = "Choose from: bash, zsh, fish; see armtree completion --help"
-    assert error == f"Error: Missing argument 'SHELL'. {choices} [usage]\n"
+    choices = "Choose from: bash, zsh, fish; write armtree completion SHELL; "
+    assert (
+        error
+        == f"Error: Missing argument 'SHELL'. {choices}see armtree completion --help [usage]\n"
+    )
 
 
 @pytest.mark.parametrize("words", [("-v", "check"), ("check", "--verbose"), ("-v", "check", "-v")])
@@ -104,6 +107,31 @@ def test_the_log_is_printed_wherever_verbose_is(
     assert "a line" not in typed(tmp_path, "check", "no.yaml")[2]
 
 
+_FILE = "is a file; a task has a number or a name: write wave"
+
+
+@pytest.mark.parametrize(
+    ("words", "why"),
+    [
+        (
+            "run 1 --swing 3",
+            "option '--swing'; for a parameter of the task write --set swing=VALUE",
+        ),
+        ("run 1 swing=3", "TASK...: swing=3 is a parameter of a task: write --set swing=3"),
+        ("run pick,home", "TASK...: write tasks without commas: pick home"),
+        ("run trees/3_wave.yaml", f"TASK...: trees/3_wave.yaml {_FILE}"),
+        ("run mine/3_wave.yaml", f"TASK...: mine/3_wave.yaml {_FILE} --trees mine"),
+        ("move --joint_1 3", "'--joint_1'; for a joint write joint_1=VALUE, without dashes"),
+        ("teach fetch 7", "NUMBER: fetch is not a whole number; write armtree teach NUMBER NAME"),
+        ("pose save left x=1", "extra argument (x=1); write armtree pose save NAME"),
+    ],
+)
+def test_wrong_arguments_are_corrected(words: str, why: str, tmp_path: Path) -> None:
+    status, _, errors = typed(tmp_path, *words.split())
+    assert (status, errors.count("\n")) == (2, 1)
+    assert f"{why}; see armtree {words.split()[0]}" in errors
+
+
 def test_an_unknown_command_with_arguments_is_no_recording(tmp_path: Path) -> None:
     errors = typed(tmp_path, "log", "rm", "latest")[2]
     assert errors == "Error: No such command 'rm'; see armtree log --help [usage]\n"
@@ -115,6 +143,9 @@ def test_an_unknown_command_with_arguments_is_no_recording(tmp_path: Path) -> No
         ("mvoe", "; did you mean move?"),
         ("pose sve", "; did you mean save?"),
         ("log latest", "; did you mean armtree log show latest?"),
+        ("list", "; did you mean tasks?"),
+        ("goto", "; did you mean move?"),
+        ("pose delete", "; did you mean rm?"),
         ("xyz", "; see armtree --help"),
     ],
 )

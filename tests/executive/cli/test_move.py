@@ -154,6 +154,7 @@ def test_a_speed_is_a_share(folder: Path, command: tuple[str, ...], speed: str) 
     [
         ("20%", "20% is not a finite number; did you mean 0.2? [usage]"),
         ("20", "20 is more than 1; did you mean 0.2? [usage]"),
+        ("2", "2 is more than 1; see armtree move --help [usage]"),
         ("200%", "200% is not a finite number; see armtree move --help [usage]"),
     ],
 )

@@ -89,6 +89,10 @@ def test_what_was_guessed_is_said_and_can_be_given(folder: Path) -> None:
     assert "  arm        shoulder, elbow\n  gripper    gripper\n  tool       b\n" in said
     assert "  start pose all joints at 0; no links are checked there\n  pairs      none\n" in said
     assert '\nThe line `robot = "arm.toml"` in armtree.toml saves the option --robot.\nNext' in said
+    (folder / "arm.toml").unlink()
+    (folder / "armtree.toml").write_text('robot = "arm.toml"')
+    said = armtree("new-arm", "arm.urdf").output
+    assert said.endswith("\n\nNext, type: armtree move shoulder+=5deg\n")
     given = ("--gripper", "none", "--tool", "a", "-o", "other.toml")
     assert armtree("new-arm", "arm.urdf", *given).exit_code == 0
     robot = load_robot(folder / "other.toml")

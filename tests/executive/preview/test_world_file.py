@@ -54,12 +54,15 @@ def test_the_keys_of_the_page() -> None:
     [
         (f'[{POST}, {{"name": "b", "spere": 1}}]', 'Body 2: "spere" is not a key of b; .* sphere?'),
         ('{"a": 1}', '{"a": 1} is not a list of bodies'),
-        ('[{"name": "b", "link": "x", "link": "y"}]', "'link' is given twice in b"),
+        (
+            '[{"name": "b", "link": "x", "link": "y"}]',
+            ":1:29: the key link is given twice, first in line 1",
+        ),
         (
             '[{"name": "b", "box": {"size": 1, "size": 2}}]',
-            "'size' is given twice",
+            "1:35: the key size is given twice",
         ),
-        ('[{"link": "x", "link": "y", "name": 7}]', "'link' is given twice"),
+        ('[{"link": "x", "link": "y", "name": 7}]', ":1:16: the key link is given twice"),
         (f"[{POST},\n", ":2:1: is not JSON: Expecting value"),
         ("[" * 100_000, "nested too deep"),
         (" " * (2**20 + 1), "cannot be read: it is larger than 1048576 bytes"),
@@ -72,6 +75,65 @@ def test_a_wrong_file_is_named_with_what_is_wrong(tmp_path: Path, text: str, mes
     file = tmp_path / "world.json"
     file.write_text(text, encoding="utf-8", errors="surrogateescape")
     with pytest.raises(BadWorldFile, match=f"{re.escape(str(file))}.*{message}"):
+        read_world(file)
+
+
+def test_all_mistakes_are_reported_with_their_lines(tmp_path: Path) -> None:
+    file = tmp_path / "world.json"
+    file.write_text(
+        '[\n{"name": "a", "box": {"size": 0.03},\n "pose": [1, 0, 0], "rotation": [0, 0, 1.57]},\n'
+        '{"name": "b", "sphere": {"radus": 1}}]'
+    )
+    with pytest.raises(BadWorldFile) as caught:
+        read_world(file)
+    found = [(m.place.line, m.place.location, m.message) for m in caught.value.mistakes]
+    assert [each[:2] for each in found] == [
+        (2, "[0].box.size"),
+        (3, "[0].pose"),
+        (3, "[0].rotation"),
+        (4, "[1].sphere.radus"),
+    ]
+    assert found[1][2].endswith(
+        '"pose" is not a key of a; the keys are name, position, rotation, '
+        "link, touches, box, sphere, cylinder, mesh; did you mean position?"
+    )
+    assert str(caught.value).endswith('  write:\n    {"name": "b", "sphere": {"radius": 1}}]')
+
+
+@pytest.mark.parametrize(
+    ("wrong", "right"),
+    [
+        ('"box": {"size": 0.03}', '"box": {"size": [0.03, 0.03, 0.03]}'),
+        ('"box": [0.1, 0.1, 0.2]', '"box": {"size": [0.1, 0.1, 0.2]}'),
+        ('"sphere": {"radius": "2 cm"}', '"sphere": {"radius": 0.02}'),
+        (
+            '"sphere": {"radius": 1}, "position": {"x": 0.2, "y": 0, "z": 0.1}',
+            '"sphere": {"radius": 1}, "position": [0.2, 0, 0.1]',
+        ),
+        (
+            '"sphere": {"radius": 1}, "rotation": [0, 0, 3.14159]',
+            '"sphere": {"radius": 1}, "rotation": [0.0, 0.0, 1.0, 1.327e-06]',
+        ),
+    ],
+)
+def test_a_value_in_another_form_is_corrected(tmp_path: Path, wrong: str, right: str) -> None:
+    file = tmp_path / "world.json"
+    file.write_text(f'[{{"name": "a", {wrong}}}]')
+    with pytest.raises(BadWorldFile) as caught:
+        read_world(file)
+    (mistake,) = caught.value.mistakes
+    assert mistake.instead
+    assert mistake.instead.text == f'[{{"name": "a", {right}}}]'
+    file.write_text(mistake.instead.text)
+    assert len(read_world(file).bodies) == 1
+
+
+def test_a_file_may_be_yaml(tmp_path: Path) -> None:
+    file = tmp_path / "world.yaml"
+    file.write_text("# around the arm\n- name: post\n  box: {size: [0.03, 0.03, 0.2]}\n")
+    assert read_world(file).bodies == (Body("post", Box((0.03, 0.03, 0.2))),)
+    file.write_text("- name: post\n  bocks: 7\n")
+    with pytest.raises(BadWorldFile, match=r":2:3: Body 1: \"bocks\" is not a key of post"):
         read_world(file)
 
 

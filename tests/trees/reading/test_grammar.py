@@ -125,7 +125,6 @@ WRONG = [
     (f"{T}  SetStart: {{start: $a.b}}\n", 5, 21, "what follows $"),
     (f"{T}  SetStart: {{start: '$a b'}}\n", 5, 21, "what follows $"),
     (f"{T}  subtree: 5\n", 5, 3, "a subtree has a name; a task has a number: write task: 5"),
-    (f"{T}  subtree: ../reach\n", 5, 12, "is not a name"),
     (
         f"{T}  subtree: reach\n  wiht: {{}}\n",
         6,

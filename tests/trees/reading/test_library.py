@@ -184,3 +184,13 @@ def test_an_unknown_task_may_be_of_another_robot_or_a_pose(
         library.path(7)
     with pytest.raises(UnknownTask, match=r"^folded is a pose, not a task: `armtree move folded`$"):
         library.number("folded")
+    with pytest.raises(UnknownTask, match=r"^reach is a subtree, not a task: `subtree: reach` in"):
+        library.number("reach")
+
+
+@pytest.mark.parametrize("task", ["wave", 3])
+def test_a_task_in_a_file_without_its_number_is_found(tmp_path: Path, task: str | int) -> None:
+    library = Library(write(tmp_path, "wave.yaml", TASK.format(number=3)))
+    why = r"wave\.yaml:1:1: this is a task, whose file is named like 3_x\.yaml; rename this one"
+    with pytest.raises(FileError, match=why):
+        library.path(library.number(task))
