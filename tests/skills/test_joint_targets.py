@@ -158,7 +158,8 @@ def test_a_link_is_one_of_the_robots(robot: Robot) -> None:
         refuse(link_errors(robot, "to", name))
     with pytest.raises(BadTarget) as caught:
         refuse(link_errors(robot, "to", "claw"))
-    assert str(caught.value) == f"the robot has no link claw; it has {', '.join(robot.links)}"
+    there = f"it has {', '.join(robot.links)}; did you mean claw_support?"
+    assert str(caught.value) == f"the robot has no link claw; {there}"
     assert caught.value.location == ("to",)
 
 

@@ -71,7 +71,7 @@ def test_a_task_is_taught_and_runs(command: list[str], tmp_path: Path, robot: Pa
         terminal.until("Step 2: wait 0.5 s")
         terminal.type("wsoon\r")
         terminal.until(
-            "How long, such as 500ms: soon_", "is not a duration in s, ms, min or h; Escape"
+            "How long, such as 500ms: soon_", "a duration in s, ms, min or h, such as 2 s; Escape"
         )
         terminal.type("\x1b")
         terminal.type("o")
