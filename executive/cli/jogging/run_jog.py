@@ -101,7 +101,8 @@ def _hold(arm: JogArm) -> str:
         try:
             arm.switch_torque(on=True)
         except HardwareError as error:
-            return f"The arm has no torque: hold it. {error}"
+            fault = arm.fault()
+            return f"The arm has no torque: hold it. {fault.message if fault else error}"
     return ""
 
 
