@@ -52,9 +52,10 @@ def _plain(file: Path, data: bytes) -> Any:
 
 def _mistakes(file: Path, data: bytes, errors: Sequence[BadWorld]) -> list[Mistake]:
     """Return wrong bodies as mistakes, with their places unless the file is large."""
-    with suppress(FileError, UnicodeDecodeError):
-        root, _ = draft_document(file, data.decode())
-        return [_mistake(root, error) for error in errors]
+    if any(error.location for error in errors):  # reading the places takes seconds
+        with suppress(FileError, UnicodeDecodeError):
+            root, _ = draft_document(file, data.decode())
+            return [_mistake(root, error) for error in errors]
     return [Mistake(Place(file), str(error)) for error in errors]
 
 

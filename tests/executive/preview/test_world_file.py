@@ -100,6 +100,17 @@ def test_all_mistakes_are_reported_with_their_lines(tmp_path: Path) -> None:
     assert str(caught.value).endswith('  write:\n    {"name": "b", "sphere": {"radius": 1}}]')
 
 
+def test_too_many_bodies_have_no_line(tmp_path: Path) -> None:
+    """To find a line in so large a file takes seconds."""
+    file = tmp_path / "world.json"
+    file.write_text(f"[{', '.join(POST.replace('post', f'post{i}') for i in range(1001))}]")
+    with pytest.raises(BadWorldFile) as caught:
+        read_world(file)
+    assert str(caught.value).endswith(
+        "world.json: There are 1001 bodies; the limit is 1000. Give fewer, larger ones, or one mesh"
+    )
+
+
 @pytest.mark.parametrize(
     ("wrong", "right"),
     [
