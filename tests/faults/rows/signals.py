@@ -1,6 +1,7 @@
 """Signals, and the end of the process that started the command."""
 
 import itertools
+import math
 import re
 import signal
 import sys
@@ -226,7 +227,8 @@ class Stopped(NamedTuple):
     Attributes:
         frames: Its frames that the board has read.
         when: When the stop was sent.
-        late: By how much the board read a frame later than it was sent, after the stop [s].
+        late: By how much the board read a frame later than it was sent, after the stop [s];
+            infinite if the motion had ended before.
     """
 
     frames: list[Read]
@@ -244,7 +246,8 @@ def stopped(scene: Scene, board: Board) -> Stopped:
     until("the board has read all", lambda: len(board.frames()) >= earlier + len(sent))
     frames = board.frames()[earlier:]
     pairs = zip(frames, sent, strict=False)
-    late = max(frame.time - sent for frame, sent in pairs if frame.time > when)
+    lates = (frame.time - sent for frame, sent in pairs if frame.time > when)
+    late = max(lates, default=math.inf)
     return Stopped(frames, when, late)
 
 
