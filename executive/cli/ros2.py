@@ -7,6 +7,7 @@ import click
 
 from .settings import option
 from .support.command_group import command
+from .support.interrupts import signal_status
 from .support.options import robot_option
 from .support.own_arms import local_server
 from .support.process import replace_process
@@ -59,6 +60,6 @@ def ros2(ros_arguments: tuple[str, ...], robot: Path | None, server: str) -> Non
     if not stays:
         echo("Programs on other machines can find this node, and move the arm.", err=True)
     try:
-        sys.exit(128 + asyncio.run(run(server, load_robot(robot), ros_arguments)))
+        sys.exit(signal_status(asyncio.run(run(server, load_robot(robot), ros_arguments))))
     except BadRosArguments as error:
         raise click.UsageError(f"ROS refuses its arguments: {error}") from error

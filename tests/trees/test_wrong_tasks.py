@@ -324,11 +324,9 @@ FILES = [
     ("poses.yaml", "poses: {left: {joint_1: 1.571}}\n", "1:16 left: joint_1 = 90.012 deg is "
      "outside its limits, -90 deg to 90 deg; 1.571 without a unit is 1.571 rad, and the limit is "
      "1.570796 rad: write 90 deg", "poses: {left: {joint_1: 90 deg}}"),
-    ("wave.yaml", TASK, "1:1 this is a task, whose file is named like 20_m.yaml; rename this "
-     "one",
-     ""),
+    ("wave.yaml", TASK, "1:1 this is a task; its file needs a name like 20_m.yaml: rename it", ""),
     ("20_m.yaml", "subtree: m\ndescription: x\ntree: Succeed\n",
-     "1:1 this is a subtree, whose file is named like m.yaml; rename this one", ""),
+     "1:1 this is a subtree; its file needs a name like m.yaml: rename it", ""),
     ("20_m.yaml", "", "1:1 the file is empty; `armtree new` writes one that runs", ""),
 ]  # fmt: skip
 

@@ -239,7 +239,7 @@ class Library:
             like = (
                 f"{named}.yaml" if other == "subtree" else self._free_file(named, path.stem, text)
             )
-            why = f"this is a {other}, whose file is named like {like}; rename this one"
+            why = f"this is a {other}; its file needs a name like {like}: rename it"
             raise FileError([Mistake(_top(path, text, other), why)])
         return text
 

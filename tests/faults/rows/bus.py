@@ -132,8 +132,8 @@ def wrong(scene: Scene) -> None:
             scene.check(not any(after.torque.values()), f"{kind}: a servo has torque")
             scene.check(after.positions == before.positions, f"{kind}: a servo has moved")
             results = [messages(path, "/result") for path in scene.recordings()[-1:]]
-            told = any(code.encode() in data for each in results for _, data in each)
-            scene.check(told is (kind != "not calibrated"), f"{kind}: recorded is {told}")
+            found = any(code.encode() in data for each in results for _, data in each)
+            scene.check(found is (kind != "not calibrated"), f"{kind}: in the recording: {found}")
 
 
 @row(

@@ -191,6 +191,6 @@ def test_an_unknown_task_may_be_of_another_robot_or_a_pose(
 @pytest.mark.parametrize("task", ["wave", 3])
 def test_a_task_in_a_file_without_its_number_is_found(tmp_path: Path, task: str | int) -> None:
     library = Library(write(tmp_path, "wave.yaml", TASK.format(number=3)))
-    why = r"wave\.yaml:1:1: this is a task, whose file is named like 3_x\.yaml; rename this one"
+    why = r"wave\.yaml:1:1: this is a task; its file needs a name like 3_x\.yaml: rename it"
     with pytest.raises(FileError, match=why):
         library.path(library.number(task))

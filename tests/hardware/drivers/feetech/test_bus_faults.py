@@ -291,7 +291,7 @@ def test_a_servo_that_vanishes_while_the_host_is_busy_is_a_fault(
 
 
 class BusyHost(BoardLink[Bus]):
-    """A link whose bytes are read late, because the host is busy."""
+    """A link of a busy host, which reads the bytes late."""
 
     late = 0.0  # [s]
 
