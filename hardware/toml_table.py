@@ -1,4 +1,7 @@
-"""A strict reader of TOML files. Every error names its line, its key and the valid choices."""
+"""A strict reader of TOML files. Every error names its line, its key and the valid choices.
+
+Slips of the syntax are reported together, each with the line as it should be.
+"""
 
 import math
 import re
