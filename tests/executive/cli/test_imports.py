@@ -2,10 +2,9 @@
 
 import subprocess
 import sys
+from pathlib import Path
 
 import pytest
-
-from tests.support.paths import ROOT
 
 ROOMS = {"executive", "hardware", "logs", "skills", "trees"}
 
@@ -68,12 +67,13 @@ except SystemExit:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("row", ROWS)
-def test_a_command_imports_no_more_than_it_needs(row: str) -> None:
+def test_a_command_imports_no_more_than_it_needs(row: str, tmp_path: Path) -> None:
+    """In a folder without recordings, of which `armtree tasks` would show the outcomes."""
     how, words = ROWS[row]
     code = TYPE if how == "typed" else f"import {words}"
     program = CODE.format(path=sys.path, words=words.split(), code=code)
     command = [sys.executable, "-S", "-c", program]  # without packages' own imports at the start
-    ran = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
+    ran = subprocess.run(command, capture_output=True, text=True, check=True, cwd=tmp_path)
     loaded = set(ran.stderr.splitlines()[-1].split())
     packages = {name.partition(".")[0] for name in loaded} - sys.stdlib_module_names
     assert packages - ROOMS - {"__main__", "__mp_main__"} <= LIBRARIES[row]
