@@ -69,6 +69,8 @@ class IndexedRecording(Recording):
             RecordingInUse: The recording is being written.
             RecordingError: The file does not exist, is not a recording of armtree, or has no index.
         """
+        if being_written(Path(path)):  # it may have no message yet
+            raise RecordingInUse(Path(path))
         super().__init__(path)
         self._summary = summary = self._read_summary()
         topics = {
@@ -177,8 +179,6 @@ class IndexedRecording(Recording):
     def _read_summary(self) -> "Summary":
         from mcap.reader import make_reader
 
-        if being_written(self.path):
-            raise RecordingInUse(self.path)
         try:
             with self.path.open("rb") as stream:
                 _check_summary(stream)

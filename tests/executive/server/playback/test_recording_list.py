@@ -12,6 +12,7 @@ from mcap.writer import IndexType, Writer
 from executive.server.playback import recording_list as folder_of_recordings
 from executive.server.playback.recording_list import RecordingFilter, RecordingFolder
 from hardware import RealClock, SimulatedClock
+from logs.reading.file_state import locked
 from logs.writing.compaction import Copy
 from logs.writing.recovery import recover
 from tests.support.recordings.alterations import records_of
@@ -171,6 +172,10 @@ def test_what_is_there_of_an_unfinished_recording_is_shown(serve: Serve) -> None
             assert error["message"].endswith(
                 "has no message yet; if a run writes it, read it again later; if not, delete it"
             )
+    empty.write_bytes(b"")  # as right after its creation
+    with locked(empty):
+        newest = rows(served)[0]
+    assert (newest["name"], newest["code"]) == (empty.name, "log.in_use")
 
 
 @pytest.mark.slow
