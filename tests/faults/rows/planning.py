@@ -243,7 +243,10 @@ def stopped(pid: int) -> bool:
 
 
 def ended(pid: int) -> bool:
-    return "worker_main" not in command_line(pid)  # that of a zombie is empty
+    try:
+        return status(pid)[0] in "ZX"  # before that, its parent finds it alive
+    except OSError:  # its parent has read its exit status
+        return True
 
 
 def status(pid: int) -> list[str]:
