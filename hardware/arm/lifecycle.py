@@ -143,7 +143,7 @@ class Lifecycle:
         legal = self.legal()
         if label not in legal:
             hint = None if legal else "start armtree again"
-            way = hint or f"legal: {', '.join(legal)}"
+            way = hint or f"legal: {', '.join(each for each in legal if each in TRANSITIONS)}"
             raise TransitionRefused(f"cannot {label} while {self.state.value}; {way}", hint)
 
     def _run(self, label: str) -> None:

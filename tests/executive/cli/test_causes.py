@@ -93,10 +93,8 @@ def test_what_is_refused_has_its_code(typed: tuple[Served, Typed]) -> None:
     served.executive.arm_to("activate")
     type_in("send", "10")
     assert "is under way [goal.busy]\n  -> wait, or cancel" in type_in("send", "11")[2]
-    assert (
-        "; legal: deactivate, shutdown, raise_error [hw.transition_refused]\n"
-        in type_in("arm", "cleanup")[2]
-    )
+    words = "; legal: deactivate, shutdown [hw.transition_refused]\n"
+    assert words in type_in("arm", "cleanup")[2]
 
 
 def test_a_refused_goal_is_reported_with_its_hint(typed: tuple[Served, Typed]) -> None:

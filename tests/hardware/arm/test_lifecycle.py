@@ -187,7 +187,7 @@ LEGAL = {*ENDS, ("raise_error", "active")}
 )
 def test_a_request_that_is_not_in_the_table_is_refused(label: str, start: str) -> None:
     machine = Machine(start)
-    legal = ", ".join(n for n, s, _ in REQUESTS if s.value == start)
+    legal = ", ".join(n for n, s, _ in REQUESTS if s.value == start and n != "raise_error")
     words = f"; legal: {legal}$" if legal else "; start armtree again"
     with pytest.raises(TransitionRefused, match=f"cannot {label} while {start}{words}") as refused:
         machine.lifecycle.request(label)
