@@ -67,9 +67,26 @@ def shipped_folders(robot: str) -> tuple[Path, ...]:
     return with_robot(Path(str(resources.files("trees"))) / "tasks", robot)
 
 
-def _is_for(path: Path, robot: str) -> bool:
-    """Return True if a file of poses is for a robot."""
-    return robot in (SHIPPED_ROBOT, path.parent.name)
+def pose_paths(folders: Iterable[Path], robot: str) -> list[Path]:
+    """Return the files of poses for a robot in some folders."""
+    named = [each for each in folders if robot in (SHIPPED_ROBOT, each.name)]
+    return [each / POSES for each in named if os.path.lexists(each / POSES)]
+
+
+def read_poses(
+    paths: Iterable[Path], read: Callable[[Path], str] = read_text
+) -> tuple[tuple[PosesFile, ...], list[Mistake]]:
+    """Read files of poses. Return them and all mistakes.
+
+    Raises:
+        FileError: A file is not YAML.
+    """
+    files, mistakes = list[PosesFile](), list[Mistake]()
+    for path in paths:
+        file, wrong = draft_poses(path, read(path))
+        mistakes += [*wrong, *_replaced_poses(file, poses_of(files))]
+        files.append(file)
+    return tuple(files), mistakes
 
 
 class TaskLibrary(Protocol):
@@ -133,7 +150,7 @@ class Library:
         self.folders = (*self.shipped, *(with_robot(folder, robot) if folder else ()))
         # The file of each task, by number, and of each subtree, by name.
         self._paths: dict[int | str, Path] = {}
-        self._poses: list[Path] = []
+        self._poses = pose_paths(self.folders, robot)
         # Error of a number or name that several files have.
         self._claimed: dict[int | str, FileError] = {}
         # Number or name of a file that another file also has.
@@ -166,13 +183,11 @@ class Library:
             like = self._free_file(almost[1], re.sub(r"\W+", "_", almost[2]) or "wave", text)
             wrong = f"a task's file is named like {like}; rename this one"
             raise FileError([Mistake(place, wrong)])
-        elif name == POSES and _is_for(path, self.robot):
-            self._poses.append(path)
-        elif name == POSES:
+        elif name == POSES and path not in self._poses:
             where = f"those of the {self.robot} are in {folder / self.robot / POSES}"
             why = f"is not read: its poses are for the {SHIPPED_ROBOT}; {where}"
             self.notes.append(Mistake(Place(path), why))
-        else:
+        elif name != POSES:
             self._claim(path.stem, path)
 
     def _leave(self, path: Path) -> None:
@@ -416,17 +431,8 @@ class Library:
         return poses_of(files), {self._shown(file): file.text for file in files}
 
     def draft_poses(self) -> tuple[tuple[PosesFile, ...], list[Mistake]]:
-        """Read the poses. Return the files and all mistakes.
-
-        Raises:
-            FileError: A file is not YAML.
-        """
-        files, mistakes = list[PosesFile](), list[Mistake]()
-        for path in self._poses:
-            file, wrong = draft_poses(path, self.read(path))
-            mistakes += [*wrong, *_replaced_poses(file, poses_of(files))]
-            files.append(file)
-        return tuple(files), mistakes
+        """Read the poses. See `read_poses`."""
+        return read_poses(self._poses, self.read)
 
     def _shown(self, file: PosesFile) -> str:
         """Return the name of a file of poses in a recording."""

@@ -11,9 +11,8 @@ from hardware import DISPLAY_UNITS, Joint, Robot, write_file
 from hardware.spelling import did_you_mean, there_are
 from trees.declarations import UNITS
 from trees.errors import FileError, Mistake, Place, PoseUnknown
-from trees.reading.document import read_text
 from trees.reading.grammar import PosesFile, draft_poses
-from trees.reading.library import POSES, Library
+from trees.reading.library import POSES, pose_paths, read_poses, shipped_folders, with_robot
 from trees.reading.node_parser import NAME, joined
 
 _NEW = "# Poses of the {}. A pose can replace joint values in any task.\nposes: {{}}\n"
@@ -49,15 +48,15 @@ def save_pose(
         PoseExists: The name is in use.
         FileError: The name is invalid, or the file is wrong or cannot be written.
     """
-    path = folder / robot.name / POSES
+    shipped, files = _poses(robot, folder)
+    file = next((file for file in files if name in file.poses), None)
+    path = file.path if file else folder / robot.name / POSES
     units = {unit for names in UNITS.values() for unit in names}
     if not NAME.fullmatch(name) or name in units or name in {each.name for each in robot.joints}:
         rule = "use a letter, then letters, digits, _ or -, and no name of a joint or a unit"
         why = f"{name!r} cannot be the name of a pose; {rule}"
         raise FileError.at(path, why + did_you_mean(joined(name) if name != joined(name) else ""))
-    shipped, files = _poses(robot, folder)
-    path = next((file.path for file in files if name in file.poses), path)
-    if not replace and any(name in file.poses for file in files):
+    if not replace and file:
         why = f"has a pose {name} already; give --replace, or another name"
         raise PoseExists.at(path, why)
     if not replace and name in shipped:
@@ -67,9 +66,9 @@ def save_pose(
         path.parent.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise FileError.at(path.parent, f"cannot be created: {error.strerror}") from error
-    text = read_text(path) if path.exists() else _NEW.format(robot.name)
+    file = next((file for file in files if file.path == path), None)
+    text, replaced = (file.text, {*file.replaces}) if file else (_NEW.format(robot.name), set())
     new = _with_pose(text, name, pose_text(robot, positions))
-    replaced = {each for file in files if file.path == path for each in file.replaces}
     if name in shipped - replaced:
         new = _with_replaces(new, sorted({*replaced, name}))
     _rewrite(path, text, new, name)
@@ -139,11 +138,12 @@ def _poses(robot: Robot, folder: Path) -> tuple[set[str], list[PosesFile]]:
     Raises:
         FileError: A file has mistakes.
     """
-    library = Library(folder if folder.is_dir() else None, robot.name)
-    files, mistakes = library.draft_poses()
+    shipped = shipped_folders(robot.name)
+    folders = dict.fromkeys([*shipped, *with_robot(folder, robot.name)])
+    files, mistakes = read_poses(pose_paths(folders, robot.name))
     if mistakes:
         raise FileError(mistakes)
-    own = [file for file in files if file.path.parent not in library.shipped]
+    own = [file for file in files if file.path.parent not in shipped]
     return {name for file in files if file not in own for name in file.poses}, own
 
 
