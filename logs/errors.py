@@ -97,7 +97,6 @@ class RecordingIncomplete(LogError):
         lost: Number of records and attachments missing from the file; None while the number may
             grow.
         cause: The first error.
-        finished: True if a final recording was made from the rest.
     """
 
     code = "log.incomplete"
@@ -106,7 +105,7 @@ class RecordingIncomplete(LogError):
     def __init__(
         self, path: Path, lost: int | None, cause: Exception, finished: bool = True
     ) -> None:
-        self.lost, self.cause, self.finished = lost, cause, finished
+        self.lost, self.cause = lost, cause
         counted = "" if lost is None else f", {lost} records lost"
         repair = "" if finished else "; `armtree log recover FILE` finishes it"
         way = "Make room or repair the cause"

@@ -110,10 +110,10 @@ def why_incomplete(recording: Recording) -> LogError | None:
     """Return the error if a recording lacks the end of its run, else None."""
     if recording.whole:
         return None
+    if not recording.complete and being_written(recording.path):
+        return RecordingInUse(recording.path)
     if recording.complete:
         return RecordingCut(recording.path)
-    if being_written(recording.path):
-        return RecordingInUse(recording.path)
     return RecordingTruncated(recording.path, recording.messages)
 
 
