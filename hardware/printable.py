@@ -45,11 +45,11 @@ def excerpt(line: str, column: int, instead: str = "") -> str:
         instead: The corrected line, or "".
     """
     begin = max(0, column - 1 - _BEFORE) if len(line) > _WIDTH else 0
-    text = f"\n    {_signs(line[begin : begin + _WIDTH])}\n    {' ' * (column - 1 - begin)}^"
-    return f"{text}\n  write:\n    {_signs(instead)[:_MOST]}" if instead else text
+    text = f"\n    {in_one_line(line[begin : begin + _WIDTH])}\n    {' ' * (column - 1 - begin)}^"
+    return f"{text}\n  write:\n    {in_one_line(instead)[:_MOST]}" if instead else text
 
 
-def _signs(text: str) -> str:
+def in_one_line(text: str) -> str:
     """Return a text with a sign of width 1 for each control character."""
     return "".join(each if each.isprintable() else " " if each == "\t" else "?" for each in text)
 

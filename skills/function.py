@@ -5,7 +5,6 @@ from collections.abc import Callable
 from typing import Any, TypeVar, get_type_hints
 
 from py_trees.common import Status
-from py_trees.ports import PortInformation
 
 from hardware import Clock
 
@@ -165,7 +164,8 @@ class _Action(_Function, register=False):
         if isinstance(returned, FunctionFailed):
             raise returned
         if port := self.output_ports().get(RESULT):
-            self._write(float(returned) if _is_int_for_float(port, returned) else returned)
+            whole = type(returned) is int and port.data_type is float
+            self._write(float(returned) if whole else returned)
         return Status.SUCCESS
 
     def _write(self, returned: Any) -> None:
@@ -179,11 +179,6 @@ class _Action(_Function, register=False):
         """Request that the function returns."""
         if self._cancel:
             self._cancel.set()
-
-
-def _is_int_for_float(port: PortInformation, returned: Any) -> bool:
-    """Return True if the function returned an int and the port holds a float."""
-    return port.data_type is float and type(returned) is int
 
 
 def _wrong_type(skill: _Function, returned: Any, wanted: str) -> FunctionFailed:

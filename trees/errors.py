@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Self
 
 from hardware import ArmtreeError
-from hardware.printable import excerpt
+from hardware.printable import excerpt, in_one_line
 from hardware.spelling import there_are, there_are_numbers
 
 SHIPPED_ROBOT = "arduinobot"  # name of the robot for the shipped tasks and examples
@@ -129,12 +129,7 @@ class Mistake:
 def _cut(words: str) -> str:
     """Return a message without its middle if it is long."""
     whole = len(words) <= _BEGIN + _END
-    return _printable(words if whole else f"{words[:_BEGIN]} … {words[-_END:]}")
-
-
-def _printable(words: str) -> str:
-    """Replace control characters, because a message may quote text of a client."""
-    return "".join(c if c.isprintable() else "?" for c in words)
+    return in_one_line(words if whole else f"{words[:_BEGIN]} … {words[-_END:]}")
 
 
 class Mistakes:
@@ -157,10 +152,6 @@ class Mistakes:
         """Add a mistake, unless its place already has one."""
         if _where(place) not in self._reported:
             self.found.append(Mistake(place, message, instead))
-
-    def add_also(self, place: Place, message: str, instead: Correction | None = None) -> None:
-        """Add a mistake of a node, even if its place already has one."""
-        self.found.append(Mistake(place, message, instead))
 
     def add_last(self, place: Place, message: str, instead: Correction | None = None) -> None:
         """Add a mistake. Later mistakes at the same place are dropped."""

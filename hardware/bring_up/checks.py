@@ -74,7 +74,8 @@ def _missing(robot: Robot, port: str, found: Found) -> Iterator[Check]:
         yield Check("other ids", False, what, remedy, ServoMissing.code)
     baud, others = search_speeds(robot, port)
     if baud != speed:
-        what = f"servos {_numbers(others)} answer at {baud} bit/s; the robot file says {speed}"
+        numbers = " ".join(map(str, others.servos))
+        what = f"servos {numbers} answer at {baud} bit/s; the robot file says {speed}"
         remedy = f"write baud = {baud} under [serial] in {robot.path}"
         yield Check("baud", False, what, remedy, ServoMissing.code, values=_plain(others))
         return
@@ -93,10 +94,6 @@ def _missing(robot: Robot, port: str, found: Found) -> Iterator[Check]:
         ids += "armtree calibrate --ids"
         remedy = f"{remedy}; {ids}" if present else ids
     yield Check("servos", False, what, remedy, ServoMissing.code, values=_plain(others))
-
-
-def _numbers(found: Found) -> str:
-    return " ".join(map(str, found.servos))
 
 
 def _plain(found: Found) -> list[dict[str, object]]:

@@ -285,11 +285,9 @@ def topic_filter(kinds: tuple[type, ...]) -> Callable[[str], bool]:
     topics = _TOPICS | {kind: (topic,) for topic, kind in _json_topics().items()}
     names = {topic for kind in kinds or topics for topic in topics[kind]}
     plans = not kinds or Plan in kinds
-    return lambda topic: topic in names or (plans and _is_plan(topic))
-
-
-def _is_plan(topic: str) -> bool:
-    return topic.startswith(_PLAN) and topic.count("/") == 2
+    return lambda topic: (
+        topic in names or (plans and topic.startswith(_PLAN) and topic.count("/") == 2)
+    )
 
 
 def _is_setting(message: Message) -> bool:

@@ -113,7 +113,8 @@ def _figure(run: Timeline, scenes: Sequence[MotionScene]) -> Figure:
     curves = [_CURVES + _CURVE * len(traces) for traces in groups.values()]
     errors = [_CURVES] if any(trace.measured for trace in run.traces) else []
     heights = [*curves, *errors, _RUG, _NODE * _tree_lines(run.rows), _BAND]
-    cause = _cause(run)
+    cut = "" if run.complete else "Recording cut off. "
+    cause = wrap(cut + (run.result.message if run.result else ""), _LETTERS_PER_LINE)
     top = _TOP + _LINE * len(cause)
     tall = top + sum(heights) + _GAP * len(heights) + _BOTTOM + _SCENE * len(scenes)
     figure = Figure(figsize=(_WIDTH, tall), dpi=_DPI)
@@ -368,11 +369,6 @@ def _outcome(run: Timeline) -> str:
     before = run.result.queued(run.goal)
     queued = f", {before:.2f} s of it in the queue" if before else ""
     return f"{run.result.state}, {took}{queued}"
-
-
-def _cause(run: Timeline) -> list[str]:
-    cut = "" if run.complete else "Recording cut off. "
-    return wrap(cut + (run.result.message if run.result else ""), _LETTERS_PER_LINE)
 
 
 def _clear(panel: Axes) -> None:

@@ -440,8 +440,6 @@ class TooLittleMemory(MotionError):
         limit: Memory that it needs [bytes].
 
     Args:
-        value: See above.
-        limit: See above.
         kind: The kind of memory that the operating system limits.
         option: The command that raises its limit.
     """

@@ -414,14 +414,11 @@ def _check_vector(what: str, vector: Vector) -> None:
     if not isinstance(vector, (tuple, list)) or len(vector) != 3:
         raise BadQuery(f"The {what} is {shown(vector)}; give x, y, z")
     for name, value in zip("xyz", vector, strict=True):
-        if not isinstance(value, (int, float)) or _exceeds_floats(value):
+        large = isinstance(value, int) and abs(value) > sys.float_info.max
+        if not isinstance(value, (int, float)) or large:
             raise BadQuery(f"The {name} of the {what} is {shown(value)}; give a number")
         if not math.isfinite(value):
             raise NotFinite(f"{name} of the {what}", "", value)
         if what in _LENGTHS and abs(value) > MAX_MAGNITUDE:
             most = f"{MAX_MAGNITUDE:g} m"
             raise BadQuery(f"The {name} of the {what} is {value:g} m; give -{most} to {most}")
-
-
-def _exceeds_floats(value: float) -> bool:
-    return isinstance(value, int) and abs(value) > sys.float_info.max

@@ -212,7 +212,7 @@ class _Node:
     def report(self, message: str, instead: Correction | None, option: str = "") -> None:
         """Report a mistake with the correct lines."""
         if not self.times.start:  # the other case was reported with the least times
-            self.tree.mistakes.add_also(self._place_of(option), message, instead)
+            self.tree.mistakes.found.append(Mistake(self._place_of(option), message, instead))
 
     def too_slow(self, option: str, shortest: float) -> None:
         """Report a child that takes longer than the time of an option [s]."""
@@ -223,11 +223,8 @@ class _Node:
         )
         advice = f"; write a time above {math.ceil(100 * shortest) / 100:g} s"
         message = f"{fails}; {takes} {shortest:.3g} s{advice if math.isfinite(shortest) else ''}"
-        instead = _longer(place, option, shortest)
-        if start:
-            self.times.notes.append(Mistake(place, message, instead))
-        else:
-            self.tree.mistakes.add_also(place, message, instead)
+        found = self.times.notes if start else self.tree.mistakes.found
+        found.append(Mistake(place, message, _longer(place, option, shortest)))
 
     def _place_of(self, option: str) -> Place:
         places = self.control.places if self.control else {}

@@ -102,7 +102,7 @@ class Keys:
         for branch in branches:
             for name, key in branch.unread.items():
                 other = self.unread.get(name)
-                if other and other is not key and name not in _same(self.unread, branch.unread):
+                if other and other is not key:
                     mistakes.add(
                         key.place,
                         f"${short_name(key)} is also written by line {other.place.line}, at the "
@@ -116,10 +116,6 @@ def _common_type(kinds: list[str]) -> str:
     """Return the type of a key that has one of several types."""
     one = next((kind for kind in kinds if all(type_fits(other, kind) for other in kinds)), "")
     return one or _OR.join(sorted({kind for each in kinds for kind in each.split(_OR)}))
-
-
-def _same(first: dict[str, Key], second: dict[str, Key]) -> set[str]:
-    return {name for name in first if first[name] is second.get(name)}
 
 
 def short_name(key: Key) -> str:

@@ -213,7 +213,7 @@ class Library:
             self._seconds[path] = source
             place = _top(path, self._text(path), _what(source))
             if isinstance(source, int):
-                free = self._free_number(source)
+                free = self.free_number(source)
                 raise DuplicateTask(source, there, place, free, name)
             why = f"subtree {name} is in {there} already; rename this one, or add the line "
             raise FileError([Mistake(place, f"{why}replaces: {name}")])
@@ -227,11 +227,11 @@ class Library:
         `name` is the name of a task whose text has none.
         """
         name = named[1] if (named := _NAME.search(text)) else name
-        free = self._free_number(int(number) if number.isdecimal() else 1)
+        free = self.free_number(int(number) if number.isdecimal() else 1)
         return f"{free}_{name}.yaml" + ("" if number == str(free) else f" and says task: {free}")
 
-    def _free_number(self, number: int) -> int:
-        """Return the next number that no file has."""
+    def free_number(self, number: int) -> int:
+        """Return a number, or the next one, that no file has."""
         names = (_TASK.fullmatch(name) for folder in self.folders for name in _files(folder))
         taken = {int(named[1]) for named in names if named}
         return next(n for n in count(number) if n not in taken)

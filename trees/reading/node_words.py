@@ -52,13 +52,8 @@ def likely_heads(words: Collection[str]) -> dict[str, str]:
     """Return the likely first keys of nodes for unknown words."""
     named = {word: kind for word, kind in synonyms().items() if word in words}
     own = {*beside_keys(), *keywords()}
-    lower = [word for word in words if word not in own and _is_lower(word)]
-    return named or corrections(lower, heads())
-
-
-def _is_lower(word: str) -> bool:
-    """Return True if a word is no name of a skill."""
-    return not word[:1].isupper() or word.lower() in heads()
+    skills = {word for word in words if word[:1].isupper() and word.lower() not in heads()}
+    return named or corrections([word for word in words if word not in own | skills], heads())
 
 
 def synonyms() -> dict[str, str]:

@@ -2,8 +2,6 @@
 
 import json
 import re
-from collections.abc import Collection
-from itertools import count
 from pathlib import Path
 
 from hardware import DISPLAY_UNITS, Robot, write_file
@@ -53,10 +51,10 @@ def prepare_file(robot: Robot, folder: Path, number: int, name: str) -> Path:
     try:
         own.mkdir(parents=True, exist_ok=True)
         library = Library(folder, robot.name)
-        if number in (numbers := library.numbers()):
+        if number in library.numbers():
             there = library.path(number)
             where = "is here" if there == path else f"is in {there}"
-            ways = f"give another number, such as {_next_number(number, numbers)}"
+            ways = f"give another number, such as {library.free_number(number)}"
             if there.parent not in library.shipped:
                 ways = f"edit that file, or delete it, or {ways}"
             raise FileError.at(path, f"task {number} {where} already; {ways}")
@@ -68,10 +66,6 @@ def prepare_file(robot: Robot, folder: Path, number: int, name: str) -> Path:
     except OSError as error:
         raise FileError.at(path, f"cannot be written: {error.strerror}") from error
     return path
-
-
-def _next_number(number: int, used: Collection[int]) -> int:
-    return next(each for each in count(number) if each not in used)
 
 
 def _values(robot: Robot) -> dict[str, str]:

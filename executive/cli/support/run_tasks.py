@@ -70,7 +70,9 @@ def execute(
             executive = stack.enter_context(
                 open_executive(
                     setup,
-                    operator=Terminal(_to_errors if as_json else _prompt(view)),
+                    operator=Terminal(
+                        _to_errors if as_json else lambda text: view.put(Prompt(text))
+                    ),
                     subscriber=partial(_show, view, start, verbose),
                 )
             )
@@ -194,10 +196,6 @@ def with_holder(
     owner = owner_of(port)
     hints = (hint(server) for server in token_file.running() if server.pid == owner)
     return replace(outcome, cause=replace(cause, hint=next(hints, "") or cause.hint))
-
-
-def _prompt(view: View) -> Callable[[str], None]:
-    return lambda text: view.put(Prompt(text))
 
 
 def _to_errors(text: str) -> None:

@@ -253,7 +253,7 @@ class Endpoints(RecordingEndpoints):
         known = is_authenticated(request.scope)
         if sum(each.authenticated is known for each in self._hub.subscribers) >= MAX_SUBSCRIBERS:
             raise TooMuch(f"{MAX_SUBSCRIBERS} clients watch already", "close one of them")
-        stream = self._stream(_kinds(events), known)
+        stream = self._stream(frozenset(filter(None, events.split(","))), known)
         return StreamingResponse(stream, media_type="text/event-stream")
 
     async def metrics(self) -> bytes:
@@ -287,11 +287,6 @@ class Endpoints(RecordingEndpoints):
             ended = self._ended.pop(event.identity, None)
             if ended:
                 ended.set_result(event.outcome)
-
-
-def _kinds(events: str) -> frozenset[str]:
-    """Return the kinds of events in a list; empty means all."""
-    return frozenset(filter(None, events.split(",")))
 
 
 def _as_texts(arguments: Json) -> dict[str, str]:

@@ -292,7 +292,7 @@ class Timeline:
         return self._recording.record([message])
 
     def _sample(self, message: logs.Message) -> _Sample | None:
-        row = _positions(message)
+        row = dict(zip(message.data.name, message.data.position, strict=False))
         return (self._time(message.time_ns), row) if all(map(isfinite, row.values())) else None
 
     def _sampled(self, samples: _Thinned[_Sample], points: int, last: list[_Sample]) -> Json:
@@ -442,7 +442,8 @@ class Timeline:
             for message in self._recording.open(chunk).messages(self._topics)
         ]
         if first:  # the rest of a frame of the previous window
-            rest = set(map(id, takewhile(_continues, filter(_is_of_frame, messages))))
+            of_frames = (message for message in messages if message.topic in _SENT)
+            rest = set(map(id, takewhile(_continues, of_frames)))
             messages = [message for message in messages if id(message) not in rest]
         messages += self._rest_of_frame(until)
         return self._recording.grouped(messages)
@@ -478,10 +479,6 @@ def _ends(schedule: logs.Schedule, frame: logs.Sent) -> bool:
     )
 
 
-def _is_of_frame(message: logs.Message) -> bool:
-    return message.topic in _SENT
-
-
 def _continues(message: logs.Message) -> bool:
     """Return True if a message is not the first one of its frame."""
     return message.topic != _SENT[0]
@@ -494,9 +491,3 @@ def _lateness(message: logs.Message) -> tuple[float, float] | None:
     if not (isinstance(time, float) and isinstance(due, float) and isfinite(time - due)):
         return None
     return time, time - due
-
-
-def _positions(message: logs.Message) -> dict[str, float]:
-    """Return the positions in a message of the joints' states, by joint."""
-    data = message.data
-    return dict(zip(data.name, data.position, strict=False))

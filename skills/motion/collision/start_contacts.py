@@ -22,8 +22,7 @@ class StartContacts:
         margin: Distance to keep [m].
 
     Attributes:
-        checker: See above.
-        start: See above.
+        checker, start: The same.
         pairs: The links of each contact.
         lever_arms: Those of `scene.lever_arms` (P, A) [m/rad].
     """
