@@ -398,7 +398,6 @@ def _shown(
 
 
 def _joined(path: Path, mistakes: Sequence[DescriptionError]) -> DescriptionError:
-    """Return several mistakes as one error."""
     if len(mistakes) == 1:
         return mistakes[0]
     words = "\n".join(map(str, mistakes))

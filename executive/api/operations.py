@@ -129,7 +129,6 @@ _TASK = s.described(s.integer(-1, 2**31 - 1), "Task; -1: moves.")
 def _read_recording(
     path: str, name: str, summary: str, answer: Component, **parameters: Schema
 ) -> Operation:
-    """Return an operation that reads one recording."""
     path = f"/api/recordings/{{name}}{path}"
     known = {**_RECORDING, **parameters}
     return _read(path, name, summary, answer, known, errors=("log", "hw"))

@@ -95,7 +95,6 @@ class PlanRequest:
     def _motions_of_task(
         self, number: int, planner: Planner, position: tuple[float, ...], world: World
     ) -> tuple[list[Motion], list[str]]:
-        """Return the motions of a task."""
         tree = compile_task(self.robot, self.library, number, validated=True)
         motions, unknown = task_motions(
             tree, self.robot, planner, position, world, self.seed, self.group

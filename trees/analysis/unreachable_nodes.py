@@ -130,43 +130,35 @@ class _Node:
         self._place = place or tree.places[behaviour]
 
     def below(self) -> Sequence["_Node"]:
-        """Return its children."""
         children = self.behaviour.children
         return [_Node(self.tree, child, self.times, self.halted, True) for child in children]
 
     def moves(self) -> bool:
-        """Return True if a skill in it moves the arm."""
         return any(leaf.skill.moves for leaf in self._leaves())
 
     def action(self) -> str:
-        """Return the name of its first skill that is not a condition, or ""."""
         acting = (leaf.skill for leaf in self._leaves() if not leaf.skill.condition)
         return next((skill.name for skill in acting), "")
 
     def lasting(self) -> Iterator[Node]:
-        """Return the nodes in it that may take longer than one tick."""
         for below in self.behaviour.iterate():
             control = self.tree.controls.get(below)
             if control and control.kind.lasts(control.options):
                 yield _Node(self.tree, below, self.times, self.halted)
 
     def is_constant(self) -> bool:
-        """Return True if its result depends only on values that are known before the run."""
         leaves = list(self._leaves())
         return bool(leaves) and all(
             leaf.skill.pure and self.tree.stand_ins >= set(leaf.keys.values()) for leaf in leaves
         )
 
     def child(self, number: int, halted: bool) -> PossibleOutcomes:
-        """Return the possible outcomes of a child."""
         return _outcomes(_Node(self.tree, self.behaviour.children[number], self.times, halted))
 
     def children(self, halted: bool) -> list[PossibleOutcomes]:
-        """Return the possible outcomes of all children."""
         return [self.child(number, halted) for number in range(len(self.behaviour.children))]
 
     def check_reached(self, continues: Sequence[bool], how: str) -> None:
-        """Report children that are never reached."""
         children = self.below()
         for child, on, following in zip(children, continues, children[1:], strict=False):
             if not on:
@@ -203,7 +195,6 @@ class _Node:
         return added_below(self.tree.places[self.behaviour], f"{option}: {value}")
 
     def wrong(self, message: str, option: str = "", missing: str = "", kind: str = "") -> None:
-        """Report a mistake of the node, of one of its options, or of one that it lacks."""
         right = self.with_option(missing) if missing else None
         if kind and self.control:
             right = self.tree.places[self.behaviour].replaced(self.control.kind.name, kind)
@@ -215,7 +206,6 @@ class _Node:
             self.tree.mistakes.found.append(Mistake(self._place_of(option), message, instead))
 
     def too_slow(self, option: str, shortest: float) -> None:
-        """Report a child that takes longer than the time of an option [s]."""
         place, start = self._place_of(option), self.times.start
         fails = f"{self.name} {'' if start else 'always '}fails after {self.options[option]:g} s"
         takes = (

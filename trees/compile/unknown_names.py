@@ -20,11 +20,7 @@ from .move_words import as_positions, is_width
 from .values_by_port import as_mapping, fits
 
 TO_POSE, TO_POINT = "move_joints", "move_tool"  # shipped subtrees that move
-# Shipped subtrees by their names in the languages of other robots.
-_OTHER_NAMES = {
-    **dict.fromkeys(("movej", "moveabsj", "ptp"), TO_POSE),
-    **dict.fromkeys(("movel", "movep", "lin"), TO_POINT),
-}
+_OTHER_NAMES = {"movej": TO_POSE, "movel": TO_POINT}  # in the languages of other robots
 
 
 def meant(

@@ -31,7 +31,6 @@ class Timeout(Decorator):
         self.failure: TookTooLong | None = None
 
     def initialise(self) -> None:
-        """Start the timer."""
         self.failure, self._until = None, self._context.now() + self.after
 
     def update(self) -> Status:
@@ -86,7 +85,6 @@ class _ResultKind(ControlNodeKind, register=False):
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
-        """Return a new node."""
         return self.decorator(name, children[0])
 
 
@@ -99,7 +97,6 @@ class InverterKind(_ResultKind):
     synonyms = ("not", "Inverter")
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
-        """Return the possible outcomes of the node."""
         child = node.child(0, node.halted)
         return PossibleOutcomes(child.fails, child.succeeds, 0.0)
 
@@ -113,6 +110,5 @@ class ForceSuccessKind(_ResultKind):
     synonyms = ("ForceSuccess", "ignore_errors", "continue-on-error", "continue_on_error")
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
-        """Return the possible outcomes of the node."""
         child = node.child(0, node.halted)
         return PossibleOutcomes(True, False, 0.0 if child.fails else child.shortest)

@@ -79,11 +79,9 @@ class GuardKind(ControlNodeKind):
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
-        """Return a new node."""
         return Guard(name, children, context, _pauses(options), options["every"])
 
     def lasts(self, options: Options) -> bool:
-        """Return True if it may take several ticks."""
         return _pauses(options)
 
     def check(self, node: Node) -> None:
@@ -95,7 +93,6 @@ class GuardKind(ControlNodeKind):
             )
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
-        """Return the possible outcomes of the node."""
         pauses, condition = _pauses(node.options), node.child(1, halted=False)
         child = node.child(0, node.halted or (condition.fails and not pauses))
         return PossibleOutcomes(child.succeeds, child.fails or not pauses, child.shortest)

@@ -50,7 +50,6 @@ class Loop(Decorator):
         return None if self._next is not None else share
 
     def initialise(self) -> None:
-        """Start the first round."""
         self.rounds, self._next = 0, None
 
     def tick(self) -> Iterator[Behaviour]:
@@ -128,7 +127,6 @@ class RetryKind(ControlNodeKind):
         return child
 
     def groot(self, options: Options) -> list[Element]:
-        """Return the node of BehaviorTree.CPP."""
         attributes = {"num_attempts": str(options["attempts"])}
         if backoff := options["backoff"]:
             attributes["_description"] = f"after {backoff:g} s; this time doubles at each attempt"
@@ -178,7 +176,6 @@ class RepeatKind(ControlNodeKind):
     node = Repeat
 
     def rounds(self, options: Options) -> int | None:
-        """Return the number of successes of its child."""
         times: int | None = options["times"]
         return times
 
@@ -198,7 +195,6 @@ class RepeatKind(ControlNodeKind):
         return PossibleOutcomes(False, child.fails, 0.0)
 
     def groot(self, options: Options) -> list[Element]:
-        """Return the node of BehaviorTree.CPP."""
         return [("Repeat", {"num_cycles": str(options["times"] or -1)})]
 
 
@@ -249,7 +245,6 @@ class WaitForKind(ControlNodeKind):
         return PossibleOutcomes(child.succeeds, False, child.shortest)
 
     def groot(self, options: Options) -> list[Element]:
-        """Return the node of BehaviorTree.CPP."""
         description = f"checked every {options['every']:g} s"
         return [("RetryUntilSuccessful", {"num_attempts": "-1", "_description": description})]
 

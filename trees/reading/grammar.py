@@ -579,7 +579,6 @@ def _listed_kind(key: str, value: Located) -> str:
 
 
 def _values(node: TreeNode) -> Iterator[Value]:
-    """Return the values of all nodes in a tree."""
     match node:
         case ControlNode():
             for child in node.children:

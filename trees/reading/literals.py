@@ -42,11 +42,10 @@ _CHOICES = {
 _SIGNS = str.maketrans({",": ".", "\u2212": "-", "\u2013": "-"})
 _FOREIGN_UNITS = {  # factor and unit of task files
     **dict.fromkeys(("in", "inch", "inches"), (25.4, "mm")),
-    **dict.fromkeys(("ft", "foot", "feet"), (304.8, "mm")),
-    **dict.fromkeys(("turn", "turns", "rev"), (360.0, "deg")),
+    **dict.fromkeys(("turn", "turns"), (360.0, "deg")),
     "m": (1.0, "min"),
 }
-_UNIT_NAMES = {"grad": "deg", "\xb0": "deg", "milli": "m", "centi": "c", "zenti": "c"}
+_UNIT_NAMES = {"grad": "deg", "\xb0": "deg", "milli": "m", "centi": "c"}
 
 # Names of units at the end of a key, by the type.
 _IN_KEYS = {

@@ -94,7 +94,6 @@ _FOREIGN: tuple[tuple[str, str | Callable[[re.Match[str]], str], str], ...] = (
 
 
 def _foreign_sign_edits(lines: tuple[str, ...]) -> Iterator[Edit]:
-    """Return edits of foreign signs in all lines."""
     for odd, instead, why in _FOREIGN:
         found = ((row, re.search(odd, line)) for row, line in enumerate(lines))
         if spot := next(((row, slip.end() - 1) for row, slip in found if slip), None):

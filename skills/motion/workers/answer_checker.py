@@ -164,7 +164,6 @@ def _check_aligned(off: float, most: float, what: str) -> None:
 
 
 def _check_durations(milliseconds: Mapping[str, float]) -> None:
-    """Check the durations of the stages."""
     if not isinstance(milliseconds, Mapping) or not all(
         isinstance(stage, str) and is_number(spent, 0.0, math.inf)
         for stage, spent in milliseconds.items()
@@ -173,7 +172,6 @@ def _check_durations(milliseconds: Mapping[str, float]) -> None:
 
 
 def _check_shapes(plan: Plan, actuated: int, joints: int) -> None:
-    """Check the shapes of all arrays."""
     curve, law = plan.curve, plan.profile
     rows, breaks, knots = (
         max((array.shape or (1,))[0], 1) for array in (plan.waypoints, curve.breaks, law.times)

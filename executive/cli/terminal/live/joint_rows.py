@@ -103,7 +103,6 @@ class _Cell:
 
 
 def _columns(texts: Sequence[Text], columns: int) -> list[Text]:
-    """Return the texts row by row."""
     width = max(text.cell_len for text in texts)
     rows = []
     for start in range(0, len(texts), columns):
