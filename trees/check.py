@@ -243,17 +243,17 @@ def _jobs(
         return
     libraries: dict[Path, dict[Path, tuple[Library, Named]]] = {}
     for file in files:
-        parent = _real(file).parent
-        if parent.name == robot:
-            parent = parent.parent
+        real = _real(file)
+        own = real.parent.name == robot
+        parent = real.parent.parent if own else real.parent
         if parent not in libraries:
-            folder = file.parent if parent == _real(file).parent else file.parent.parent
+            folder = file.parent.parent if own else file.parent
             library = Library(folder, robot)
             libraries[parent] = {_real(path): (library, name) for path, name in library.files()}
         library = next(iter(libraries[parent].values()))[0]  # there are always shipped subtrees
-        named = [m for m in library.mistakes if _real(m.place.path) == _real(file)]
-        if _real(file) in libraries[parent]:
-            yield file, *libraries[parent][_real(file)]
+        named = [m for m in library.mistakes if _real(m.place.path) == real]
+        if real in libraries[parent]:
+            yield file, *libraries[parent][real]
         elif named:
             yield file, library, FileError(named)
         else:

@@ -20,15 +20,15 @@ class Guard(Composite):
         name: Name of the node.
         children: The node to run, and the condition.
         context: Source of time and of ticks.
-        pause: Reaction to a false condition: True to wait until it holds, False to fail.
+        otherwise: Reaction to a false condition: `pause` to wait until it holds, or `fail`.
         every: Period in which the condition is checked [s].
     """
 
     def __init__(
-        self, name: str, children: list[Behaviour], context: Context, pause: bool, every: float
+        self, name: str, children: list[Behaviour], context: Context, otherwise: str, every: float
     ) -> None:
         super().__init__(name, children)
-        self._context, self.pause, self.every = context, pause, every
+        self._context, self.pause, self.every = context, otherwise == "pause", every
 
     def tick(self) -> Iterator[Behaviour]:
         """Check the condition, then run the child."""
@@ -75,11 +75,7 @@ class GuardKind(ControlNodeKind):
         "do": "there is no do: a guard runs its node while a condition holds; write guard: for do:"
     }
     may_halt = True
-
-    def make(
-        self, name: str, children: list[Behaviour], options: Options, context: Context
-    ) -> Behaviour:
-        return Guard(name, children, context, _pauses(options), options["every"])
+    node = Guard
 
     def lasts(self, options: Options) -> bool:
         return _pauses(options)

@@ -126,8 +126,8 @@ class ControlNodeKind(ABC):
         limit: Option without which it may run without end; empty if it has none.
         lasting: True if it may take several ticks even if its children end at once.
         order: Order of its children.
-        node: Class of its nodes if they have one child. The arguments are name, child, context, and
-            the options by name.
+        node: Class of its nodes. The arguments are name, child, context, and the options by name;
+            with a `condition`, a list of both children in place of the child.
         groot_tag: Name of the equivalent node of BehaviorTree.CPP, if that node has no ports.
         synonyms: Names of it in other languages and libraries, for corrections.
         other_options: Its options by their names in other libraries.
@@ -167,7 +167,8 @@ class ControlNodeKind(ABC):
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
         """Return a node. A child that must be a condition is the last one."""
-        return type(self).node(name, children[0], context, **options)
+        given = children if self.condition else children[0]
+        return type(self).node(name, given, context, **options)
 
     def label(self, options: Options) -> str:
         """Return the name of the node in drawings."""

@@ -76,31 +76,24 @@ class Url(click.types.StringParamType):
     """The URL of a server."""
 
     name = "url"
-
-    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
-        """Return the URL. Raise a usage error for any other text."""
-        if not str(value).startswith(("http://", "https://")):
-            why = f"{value!r} is not the URL of a server, such as http://arm:8765"
-            self.fail(why, param, ctx)
-        return str(value)
-
-
-class FleetUrl(click.types.StringParamType):
-    """The URL of the NATS server of a fleet."""
-
-    name = "url"
+    schemes, kind = ("http", "https"), "a server, such as http://arm:8765"
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
         """Return the URL. Raise a usage error for any other text."""
         try:
             parts = urlsplit(str(value))
-            valid = parts.scheme in ("nats", "tls") and parts.hostname and parts.port != 0
+            valid = parts.scheme in self.schemes and parts.hostname and parts.port != 0
         except ValueError:
             valid = False
         if not valid:
-            why = f"{value!r} is not the URL of a fleet, such as nats://127.0.0.1:4222"
-            self.fail(why, param, ctx)
+            self.fail(f"{value!r} is not the URL of {self.kind}", param, ctx)
         return str(value)
+
+
+class FleetUrl(Url):
+    """The URL of the NATS server of a fleet."""
+
+    schemes, kind = ("nats", "tls"), "a fleet, such as nats://127.0.0.1:4222"
 
 
 AT_LEAST_0 = Finite(0)

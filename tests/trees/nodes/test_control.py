@@ -109,21 +109,21 @@ def test_wait_for(clock: SimulatedClock, context: Context) -> None:
 
 def test_a_guard_pauses_and_begins_anew(clock: SimulatedClock, context: Context) -> None:
     child, condition = Scripted(R, R, S), Scripted(S, F, F, S)
-    guard = Guard("g", [child, condition], context, True, 0.1)
+    guard = Guard("g", [child, condition], context, "pause", 0.1)
     assert run(guard, clock, context) is S
     assert (child.begun, child.halted) == (2, 1)
 
 
 def test_a_guard_fails(clock: SimulatedClock, context: Context) -> None:
     child = Scripted(R)
-    guard = Guard("g", [child, Scripted(S, F)], context, False, 0.1)
+    guard = Guard("g", [child, Scripted(S, F)], context, "fail", 0.1)
     assert run(guard, clock, context) is F
     assert child.halted == 1
 
 
 def test_a_guard_that_never_lets_in(clock: SimulatedClock, context: Context) -> None:
     child = Scripted(S)
-    assert run(Guard("g", [child, Scripted(F)], context, False, 0.1), clock, context) is F
+    assert run(Guard("g", [child, Scripted(F)], context, "fail", 0.1), clock, context) is F
     assert child.begun == 0
 
 
