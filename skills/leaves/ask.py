@@ -59,7 +59,6 @@ class Ask(Skill):
         refuse(errors)
 
     def on_start(self) -> Status:
-        """Ask the question."""
         self._deadline = self.context.now() + self.get_input("within")
         choices = tuple(self.get_input("choices"))
         self._question = Question(self.get_input("question"), choices, self.context.wake)
@@ -83,7 +82,6 @@ class Ask(Skill):
         return Status.RUNNING
 
     def on_halt(self) -> None:
-        """Withdraw the question."""
         if self._question:
             self.context.operator.withdraw(self._question)
 

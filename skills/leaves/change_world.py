@@ -84,7 +84,6 @@ class _Add(Skill, register=False):
         )
 
     def on_start(self) -> Status:
-        """Add the body."""
         scene = self.context.scene
         body = self.body({port: self.get_input(port) for port in self.INPUT_PORTS})
         assert body
@@ -156,7 +155,6 @@ class RemoveBody(Skill):
     INPUT_PORTS = {"body": _BODY}
 
     def on_start(self) -> Status:
-        """Remove the body."""
         scene = self.context.scene
         scene.world = scene.world.without(self.get_input("body"))
         return Status.SUCCESS
@@ -176,7 +174,6 @@ class _SetParent(PlanningSkill, register=False):
         )
 
     def on_answer(self, answer: Result) -> Status:
-        """Replace the body."""
         if isinstance(answer, MotionError):
             raise answer
         assert isinstance(answer, Body)
@@ -191,7 +188,6 @@ class Attach(_SetParent):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check the link if it is known."""
         if "link" in inputs:
             refuse(link_errors(robot, "link", inputs["link"]))
 

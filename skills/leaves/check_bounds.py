@@ -31,7 +31,6 @@ class CheckBounds(Skill):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check the targets that are known before the run."""
         given = {group: inputs[group] for group in cls.INPUT_PORTS if group in inputs}
         refuse(target_errors(robot, given))
 
@@ -44,7 +43,6 @@ class CheckBounds(Skill):
         return [tuple(joined(robot, targets).values())]
 
     def on_start(self) -> Status:
-        """Check both targets and join them."""
         targets = {group: self.get_input(group) for group in self.INPUT_PORTS}
         check_targets(self.context.robot, targets)
         self._set_output("goal", joined(self.context.robot, targets))

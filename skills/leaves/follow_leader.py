@@ -89,12 +89,10 @@ class FollowLeader(Skill):
         return Status.RUNNING
 
     def on_pause(self) -> None:
-        """Stop the arm."""
         self.on_halt()
         self._rest()
 
     def on_halt(self) -> None:
-        """Stop the arm, and cancel planners that still work."""
         for check in self._checks:
             check.cancel()
         if self._playing:

@@ -62,7 +62,6 @@ class _PlanGroup(PlanningSkill, register=False):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check the inputs that are known before the run."""
         ports = [port for port in ("start", "goal") if port in inputs]
         errors = [
             error for port in ports for error in configuration_errors(robot, port, inputs[port])
@@ -73,7 +72,6 @@ class _PlanGroup(PlanningSkill, register=False):
         refuse(errors)
 
     def on_start(self) -> Status:
-        """Send the query to a worker."""
         robot, joints = self.context.robot, self.context.robot.actuated_in(self.group)
         start, goal, via = (self.get_input(port) for port in ("start", "goal", "via"))
         refuse(missing_joint_errors(robot, "start", start))
@@ -157,7 +155,6 @@ class PlanArm(_PlanGroup):
 
     @classmethod
     def waypoints(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
-        """Return the points of the input `via`."""
         names = [joint.name for joint in robot.actuated_in(cls.group)]
         return [tuple(point[name] for name in names) for point in inputs.get("via", [])]
 

@@ -14,7 +14,6 @@ class Succeed(Skill):
     synonyms = ("alwayssuccess",)
 
     def on_start(self) -> Status:
-        """Succeed."""
         self.feedback_message = "done"
         return Status.SUCCESS
 
@@ -28,5 +27,4 @@ class Fail(Skill):
     INPUT_PORTS = {"reason": Port(str, description="message of the failure")}
 
     def on_start(self) -> Status:
-        """Fail."""
         raise TaskFailed(self.get_input("reason"))

@@ -19,7 +19,6 @@ class SetStart(Skill):
     }
 
     def on_start(self) -> Status:
-        """Read the commanded position."""
         start = Positions(self.context.robot.by_joint(self.context.arm.commanded))
         self._set_output("start", start)
         self.feedback_message = self.context.robot.words(start)

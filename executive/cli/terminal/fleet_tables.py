@@ -45,13 +45,9 @@ def arms_table(rows: "Sequence[ArmRow]") -> list[str]:
     """Return the lines of a table of arms."""
     if not rows:
         return ["no arm has joined; armtree serve --fleet URL --name NAME adds one"]
-    table = [("ARM", "STATE", "LAST", "SERVER", "JOB")]
-    for row in rows:
-        known = row.to_json()
-        arm, state, last, url, job = (
-            str(known[name]) or "-" for name in ("arm", "state", "last", "url", "job")
-        )
-        table.append((arm, state, last, url, job))
+    keys = {"arm": "ARM", "state": "STATE", "last": "LAST", "url": "SERVER", "job": "JOB"}
+    found = (keys, *(row.to_json() for row in rows))
+    table = [[str(row[key]) or "-" for key in keys] for row in found]
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     return ["  ".join(map(str.ljust, line, widths)).rstrip() for line in table]
 
