@@ -194,10 +194,8 @@ def _contradiction(joint: Joint, target: Mapping[str, float]) -> str:
     times = f"{mimic.multiplier:g} times {mimic.leader}"
     offset = f" plus {joint.words(mimic.offset)}" if mimic.offset else ""
     leader = f"{mimic.leader} = {joint.words(target[mimic.leader])}"
-    why = (
-        f"{joint.name} = {joint.words(given)} contradicts {leader}; it follows, as {times}{offset}"
-    )
-    return f"{why}: leave {joint.name} out"
+    why = f"{joint.name} = {joint.words(given)} contradicts {leader}"
+    return f"{why}; it follows, as {times}{offset}: leave {joint.name} out"
 
 
 def joint_errors(robot: Robot, joints: Positions) -> list[SkillError]:

@@ -105,10 +105,8 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
         )
     finally:
         terminal = LastingStream(sys.stdout)
-        source, typed = (
-            click.get_current_context().get_parameter_source,
-            ParameterSource.COMMANDLINE,
-        )
+        source = click.get_current_context().get_parameter_source
+        typed = ParameterSource.COMMANDLINE
         names = (name for name in ("robot", "trees", "port") if source(name) is typed)
         given = {f"--{name}": options[name] for name in names}
         terminal.write(f"{summary(task, folder, server, url, given)}\n")

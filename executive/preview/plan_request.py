@@ -125,9 +125,8 @@ class PlanRequest:
         for group, members in self.robot.groups.items():
             if named.keys() <= set(members):
                 return group
-        raise BadTarget(
-            f"{', '.join(named)} belong to different groups; name the joints of one group only"
-        )
+        why = "belong to different groups; name the joints of one group only"
+        raise BadTarget(f"{', '.join(named)} {why}")
 
 
 @dataclass

@@ -273,9 +273,8 @@ def _commanded_difference(compiled: CompiledSchedule | None, sent: Iterable[Sent
     for number, (due, frame) in enumerate(zip(setpoints, moving, strict=False), 1):
         for joint, then, now in zip(frame.joints, frame.positions, due.positions, strict=True):
             if then != now:
-                return (
-                    f"frame {number}: {joint} at {then!r} rad is recorded, but {now!r} is compiled"
-                )
+                recorded = f"frame {number}: {joint} at {then!r} rad is recorded"
+                return f"{recorded}, but {now!r} is compiled"
     return ""
 
 
@@ -300,9 +299,8 @@ def result_difference(records: Sequence[Record]) -> str:
             case Result():
                 goal = goals.get((record.goal_id, record.task))
                 if goal is None:
-                    return (
-                        f"the result is of {goal_title(record.task)}, but its goal is not recorded"
-                    )
+                    title = goal_title(record.task)
+                    return f"the result is of {title}, but its goal is not recorded"
                 words = _state_difference(record, status)
                 words = words or ("" if goal.elsewhere else _count_difference(record, sent))
                 if words:

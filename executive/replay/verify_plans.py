@@ -99,10 +99,8 @@ def _merged_difference(
     if not merged.begins_at(start):
         return f"a motion from {start} rad is recorded, but the plans start elsewhere"
     if merged.duration != recorded.duration:
-        return (
-            f"a motion of {recorded.duration!r} s is recorded, "
-            f"but the plans take {merged.duration!r} s"
-        )
+        took = f"a motion of {recorded.duration!r} s is recorded"
+        return f"{took}, but the plans take {merged.duration!r} s"
     names = [joint.name for joint in robot.actuated]
     rows = [tuple(row) for row in merged.sample(recorded.sample_times)]
     return _rows_difference("merged sample", names, recorded.samples, rows)
@@ -129,7 +127,6 @@ def _rows_difference(
             return f"{len(then)} {what}s are recorded, but now there are {len(now)}"
         for joint, old, new in zip(joints, a, b, strict=True):
             if old != new:
-                return (
-                    f"{what} {number}: {joint} = {old!r} rad is recorded, but now it is {new!r} rad"
-                )
+                recorded = f"{what} {number}: {joint} = {old!r} rad is recorded"
+                return f"{recorded}, but now it is {new!r} rad"
     return ""

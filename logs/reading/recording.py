@@ -298,10 +298,8 @@ def _is_setting(message: Message) -> bool:
 def _sent(messages: Sequence[Message]) -> Sent:
     topics, times = zip(*((message.topic, message.time_ns) for message in messages), strict=True)
     if topics not in (_SENT, _SENT[:2]) or len(set(times)) > 1:
-        what = (
-            f"a frame lacks a message on one of {', '.join(_SENT)}; another program wrote the file"
-        )
-        raise RecordingError(messages[0].path, what)
+        what = f"a frame lacks a message on one of {', '.join(_SENT)}"
+        raise RecordingError(messages[0].path, f"{what}; another program wrote the file")
     frame, timing, *joints = messages
     facts, state = timing.fields(), joints[0].data if joints else None
     known: dict[str, Any] = {name: facts[name] for name in _TIMING if name in facts}
@@ -326,10 +324,8 @@ def _checked(kind: type, known: dict[str, Any], message: Message) -> Any:
         what = f"a message on {message.topic} lacks {', '.join(missing)}; {why}"
         raise RecordingError(message.path, what)
     if wrong := _invalid_field(kind, known):
-        what = (
-            f"the {wrong} of a message on {message.topic} is invalid; another program recorded it"
-        )
-        raise RecordingError(message.path, what)
+        what = f"the {wrong} of a message on {message.topic} is invalid"
+        raise RecordingError(message.path, f"{what}; another program recorded it")
     return kind(**known)
 
 

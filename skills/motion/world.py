@@ -303,17 +303,15 @@ def _form(name: str, kind: str, plain: Any) -> Shape:
     wanted = [part.name for part in parts]
     if not isinstance(plain, Mapping):
         what = f"The {kind} of {name} is {_shown(plain)}"
-        near = (
-            did_you_mean(f"{{{json.dumps(wanted[0])}: {_shown(plain)}}}") if not wanted[1:] else ""
-        )
-        raise BadWorld(f"{what}; give an object with its {' and '.join(wanted)}{near}", kind)
+        words = f"{what}; give an object with its {' and '.join(wanted)}"
+        near = "" if wanted[1:] else f"{{{json.dumps(wanted[0])}: {_shown(plain)}}}"
+        raise BadWorld(words + did_you_mean(near), kind)
     needed = [part.name for part in parts if part.default is MISSING]
     wrong = [*_unknown_keys(f"the {kind} of {name}", plain, wanted, needed, kind)]
     if not wrong:
         missing = [part for part in needed if part not in plain]
-        wrong = [
-            BadWorld(f"The {kind} of {name} has no {each}; give one", kind) for each in missing
-        ]
+        why = f"The {kind} of {name} has no "
+        wrong = [BadWorld(f"{why}{each}; give one", kind) for each in missing]
     if wrong:
         raise BadWorld.of(wrong)
     return shape(**{key: _tupled(value) for key, value in plain.items()})

@@ -49,12 +49,8 @@ class Leaf:
     @property
     def target_place(self) -> Place:
         """Place of its first joint positions; its own place if it has no joint positions."""
-        targets = (
-            value.place
-            for port, value in self.written.items()
-            if isinstance(self.inputs[port], Positions)
-        )
-        return next(targets, self.place)
+        targets = [port for port in self.written if isinstance(self.inputs[port], Positions)]
+        return self.written[targets[0]].place if targets else self.place
 
 
 def _is_partial(value: Any) -> bool:

@@ -60,11 +60,8 @@ def read_loop(place: Place, given: Mapping[str, Located]) -> ForeignLoop | None:
         has_child = _DO in given or any(map(begins_node, given.keys() - {word}))
         loops = has_child and kind.limit and word in kind.synonyms
         each = _values(given[word]) if loops else None
-        if (
-            loop := _for_each(place, given, word, *each)
-            if each
-            else _read(place, given, word, kind)
-        ):
+        loop = _for_each(place, given, word, *each) if each else _read(place, given, word, kind)
+        if loop:
             return loop
     return None
 

@@ -391,10 +391,8 @@ class _Parser:
             self._wrong(value.place, why, as_mapping(value))
             value = replace(value, value={k: v for i in parts for k, v in nested(i).items()})
         if not isinstance(value.value, dict):
-            what = "a mapping of names to types" + (
-                ", or a list of names" if key == "ports" else ""
-            )
-            self._wrong(value.place, f"{key}: {value} is not {what}")
+            more = ", or a list of names" if key == "ports" else ""
+            self._wrong(value.place, f"{key}: {value} is not a mapping of names to types{more}")
             return {}
         declared, known = {}, _DECLARED_KEYS + ("output",) * (key == "ports")
         for name, item in value.value.items():
@@ -536,11 +534,8 @@ class _Parser:
         if value is None:
             return ()
         items = value.value if isinstance(value.value, list) else []
-        if kind and (
-            kind.removeprefix(LIST) != "text"
-            or not items
-            or any(not isinstance(item.value, str) for item in items)
-        ):
+        texts = [item for item in items if isinstance(item.value, str)]
+        if kind and (kind.removeprefix(LIST) != "text" or not texts or texts != items):
             self._wrong(value.label, "choices must be a list of texts, and the type must be text")
         for number, item in enumerate(items):
             if item.value in [other.value for other in items[:number]]:

@@ -251,9 +251,7 @@ class Library:
         kinds = {head[1]: head[2] for head in _HEAD.finditer(text)}
         if kinds and _what(source) not in kinds:
             ((other, named),) = kinds.items()
-            like = (
-                f"{named}.yaml" if other == "subtree" else self._free_file(named, path.stem, text)
-            )
+            like = self._free_file(named, path.stem, text) if other == "task" else f"{named}.yaml"
             why = f"this is a {other}; its file needs a name like {like}: rename it"
             raise FileError([Mistake(_top(path, text, other), why)])
         return text
@@ -342,11 +340,8 @@ class Library:
                 known = file if Path(file).is_file() else robot if robot in shipped_robots() else ""
                 way = f"add --robot {known}" if known else "give its robot file with --robot"
                 return f"{task} is a task of {robot}: {way}"
-        return (
-            f"{task} is a subtree, not a task: `subtree: {task}` in a task runs it"
-            if task in self._paths
-            else ""
-        )
+        why = f"{task} is a subtree, not a task: `subtree: {task}` in a task runs it"
+        return why if task in self._paths else ""
 
     def task(self, number: int) -> TaskFile:
         """Read a task.

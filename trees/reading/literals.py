@@ -317,10 +317,8 @@ def _as_items(value: Located) -> str:
     if found := next((each for each in axes if [*nested(each)] == ["x", "y", "z"]), None):
         return Located(value.place, [*nested(found).values()], value.label).as_yaml()
     text = inner[0].value if isinstance(inner, list) and len(inner) == 1 else inner
-    text = re.sub(r"(?<=\d) ?[x\xd7] ?(?=\d)", " ", text) if isinstance(text, str) else text
-    items = (
-        re.findall(rf"{_NUMBER}(?: ?([a-z]+))?(?=[\s,]|$)", text) if isinstance(text, str) else []
-    )
+    text = re.sub(r"(?<=\d) ?[x\xd7] ?(?=\d)", " ", text) if isinstance(text, str) else ""
+    items = re.findall(rf"{_NUMBER}(?: ?([a-z]+))?(?=[\s,]|$)", text)
     if len(items) != 3:
         return ""
     if items[2][1] and not items[0][1] + items[1][1]:  # such as `30x30x20 mm`

@@ -274,11 +274,8 @@ class NodeParser:
             if not kind and all(isinstance(item.value, str) for item in inner.value):
                 return self._unknown(inner)
             return ControlNode(place, kind, self._items(inner.value))
-        if (
-            str(inner.value).startswith("$")
-            and " " in str(inner.value)
-            and (node := comparison(inner))
-        ):
+        text = str(inner.value)
+        if text.startswith("$") and " " in text and (node := comparison(inner)):
             right = inner.label.replaced(f"{skill}: {inner.value}", node[1:-1])
             self._wrong(inner.place, f"a node compares values: write {node}", right)
             return self._unknown(inner)

@@ -79,9 +79,8 @@ def _arm(server: str | None, options: Mapping[str, Any]) -> Iterator[tuple[str, 
     """Open the arm. Yield its name in words, the arm, and the first message."""
     if server:
         with Client(server) as client:
-            note = (
-                "" if client.where().commanded else "Activate the arm first: armtree arm activate"
-            )
+            note = "Activate the arm first: armtree arm activate"
+            note = "" if client.where().commanded else note
             yield f"Server {client.url}", ServerArm(client), note
         return
     setup = Setup(**options, reload=True, single_user=True)

@@ -47,9 +47,8 @@ def completing(names: Callable[[click.Context, str], Iterable[tuple[str, str]]])
 def check_goal_id(context: click.Context, parameter: click.Parameter, value: str) -> str:
     """Return the id of a goal. Raise a usage error for any other text."""
     if value and not re.fullmatch("[0-9a-f]{32}", value):
-        raise click.BadParameter(
-            f"{value!r} is not the id of a goal, which has 32 digits, 0 to 9 and a to f"
-        )
+        why = "is not the id of a goal, which has 32 digits, 0 to 9 and a to f"
+        raise click.BadParameter(f"{value!r} {why}")
     return value
 
 

@@ -86,11 +86,8 @@ class View:
         head = f"{'':<{longest}}{'leader':>10}{'commanded':>11}{'measured':>10}"
         yield f"{head}{'':6}{'free' if free else ''}"
         for name, unit in self.where.units.items():
-            shown = (
-                _shown(positions, name, unit)
-                for positions in (self.leader, self.where.commanded, self.where.measured)
-            )
-            leader, commanded, measured = shown
+            columns = self.leader, self.where.commanded, self.where.measured
+            leader, commanded, measured = (_shown(each, name, unit) for each in columns)
             arrows = _arrows(*self.blocked.free[name]) if self.blocked and free else ""
             row = f"{name:<{longest}}{leader:>10}{commanded:>11}{measured:>10}"
             yield f"{row} {DISPLAY_UNITS[unit][1]:<5}{arrows}"

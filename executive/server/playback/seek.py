@@ -102,10 +102,8 @@ class _Allowance:
         """
         self._left -= len(message.cdr) - (len(in_place_of.cdr) if in_place_of else 0)
         if self._left < 0:
-            what = (
-                f"{self._what} take more than {self._size >> 20} MiB; another program recorded it"
-            )
-            raise logs.RecordingError(self._path, what)
+            what = f"{self._what} take more than {self._size >> 20} MiB"
+            raise logs.RecordingError(self._path, f"{what}; another program recorded it")
         return message
 
 
