@@ -218,8 +218,8 @@ class Executive:
                 files, or with wrong arguments. If False, such a goal is accepted and aborted. An
                 invalid move is always refused.
             client: Name of the sending program, for the recording; empty if unknown.
-            stops: Number of stops that the sender knew from a status. A goal that arrives after a
-                later stop is refused. None to accept the goal.
+            stops: Number of stops in the last status that the sender has read. The goal is refused
+                if the arm was stopped after that status. None for no such check.
         """
         invalid, text = None, ""
         if isinstance(task, Move):

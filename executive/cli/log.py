@@ -206,7 +206,7 @@ def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
     from logs.views.comparison import compare
 
     both, known = compare(one, other), dict[str, "Joint"]()
-    with suppress(RecordingError):  # of another program: without its robot
+    with suppress(RecordingError):  # a recording of another program has no robot
         known = {joint.name: joint for joint in restore_robot(Recording(one)).joints}
     lines = [both.first or f"all {len(both.runs[0].frames)} frames are the same"]
     if all(run.joints for run in both.runs) and not both.joints:

@@ -77,7 +77,7 @@ def _execute(
 @command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number, not an option
 @target_argument("target", complete_target)
 @click.option(
-    "--by", "relative", is_flag=True, help="TARGET is a change: of joints, or of the tool."
+    "--by", "relative", is_flag=True, help="TARGET is a change from the current position."
 )
 @_moving
 def move(target: tuple[str, ...], relative: bool, speed: float) -> "Move":

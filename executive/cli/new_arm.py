@@ -33,7 +33,7 @@ gripper, swap the two names."""
 @command()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per robot.")
 def robots(as_json: bool) -> None:
-    """List the robots that ship, for --robot, and the firmware for an Arduino."""
+    """List the shipped robots, for --robot, and the firmware for an Arduino."""
     from hardware import load_robot, shipped_robots
     from hardware.drivers.arduino.firmware_profile import HEX_FILE
     from trees import Library
@@ -63,7 +63,7 @@ def robots(as_json: bool) -> None:
 @click.option(
     "--tool",
     metavar="LINK",
-    help="Link of the tool. Default: the command asks for it, or guesses it.",
+    help="Link of the tool. Default: a guess, which you confirm at a terminal.",
 )
 @click.option(
     "--gripper",

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 def _check_goal(context: click.Context, parameter: click.Parameter, value: str) -> str:
     """Return the id of a goal. Raise a usage error for any other text."""
     if value.partition(":")[0] == "latest":
-        alone = f"`{context.command_path}` alone is for the goal under way"
+        alone = f"`{context.command_path}` without GOAL is for the running goal"
         raise click.BadParameter(f"{value!r} names a recording, not a goal; {alone}")
     return check_goal_id(context, parameter, value)
 

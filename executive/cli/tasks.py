@@ -166,8 +166,9 @@ def check(
         echo(f"note: {note}", err=True)
     mistakes, count = findings.mistakes, len(findings.mistakes)
     own = len(findings.files) - findings.shipped
-    checked = plural(own, "file") if own else plural(findings.shipped, "shipped file")
-    checked += f" and {findings.shipped} that ship" if own and findings.shipped else ""
+    shipped = plural(findings.shipped, "shipped file")
+    checked = plural(own, "file") if own else shipped
+    checked += f" and {shipped}" if own and findings.shipped else ""
     if as_json:
         row = {
             "files": [str(path) for path in findings.files],

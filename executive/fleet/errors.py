@@ -213,7 +213,7 @@ class ArmLost(FleetError):
     """The arm that had claimed a job is gone."""
 
     code = "fleet.arm_lost"
-    hint = "look at the arm before you send the job again"
+    hint = "check the arm before you send the job again"
 
     def __init__(self, arm: str, url: str, silence: float) -> None:
         super().__init__(
@@ -247,14 +247,14 @@ class NotConfirmed(FleetError):
         confirmed: The answers of the arms that confirmed.
         wanted: Number of arms that should confirm.
         missing: The other arms, and why.
-        unheld: Why the queues are not held; empty if they are.
+        unheld: Reason that the queues are not held; empty if they are held.
 
     Attributes:
         confirmed, wanted, missing: As above.
     """
 
     code = "fleet.not_confirmed"
-    hint = "look at these arms, and use their own pages or power switches"
+    hint = "check these arms, and use their own pages or power switches"
 
     def __init__(
         self,

@@ -184,7 +184,7 @@ class Arm:
         """
         self._start_pose, self._meanwhile = start_pose or self.robot.boot_pose, meanwhile
         self._request("activate", State.ACTIVE)
-        if self._canceled and (stopped := self._activation_ended):  # after the last look at it
+        if self._canceled and (stopped := self._activation_ended):  # canceled after the last check
             self.deactivate()
             raise stopped
         if connection := self._connection:
@@ -509,7 +509,7 @@ class Arm:
         if connection := self._connection:
             connection.close(error)
             self._connection = None
-            if self._reconnect:  # not with the connection: its link may keep the arm alive
+            if self._reconnect:  # separate: the connection's link may keep the arm alive
                 self._when_collected(self._reconnect.stop)
 
     def _when_collected(self, release: _Release) -> None:

@@ -67,7 +67,7 @@ class Connection:
         self._on_fault, self._on_receive, self._ready = on_fault, on_receive, ready
         self._closed = self._last_words = False
         self._switching, self._waiting = robot.can(Ability.TORQUE), clock.signal()
-        self._moves_in = False  # True while joints outside their limits move to them
+        self._moves_in = False  # True while joints move back inside their limits
         self._measured_guard = MeasuredGuard(robot.actuated, robot.guards, robot.grips)
         self._reader: threading.Thread | None = None
         self.session = BoardSession(robot.protocol())
@@ -117,7 +117,7 @@ class Connection:
         try:
             self.guard.send_start_commands()
             if self._robot.can(Ability.TORQUE):
-                self._switch_torque(True, 0)  # a stop since the guard was made counts
+                self._switch_torque(True, 0)  # any stop since the guard was made ends this
         except NotActive:
             return  # a fault came first
         except Exception as error:  # a driver may raise any exception
@@ -182,7 +182,7 @@ class Connection:
         try:
             pose = self._held_pose()
         except PoseOutsideLimits:
-            self.session.torque_commands(False)  # not sent: it ends the expectation of torque
+            self.session.torque_commands(False)  # not sent; lets the session expect no torque
             raise
         self.guard.start_from(pose)
         if (frame := self.session.boot_frame) is None:
@@ -279,7 +279,7 @@ class Connection:
                 if (measured := self.session.measured) and measured is not before:
                     now = self._clock.now()
                     self._observe(Measured(now, measured))
-                    if self.streamer:  # the arm has been active
+                    if self.streamer:  # after the activation
                         # Without torque a person moves the arm.
                         holds = self.guard.torque or self._moves_in
                         commanded = self.guard.commanded if holds else measured.position

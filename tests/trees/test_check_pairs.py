@@ -382,7 +382,7 @@ def test_the_files_that_a_task_needs(robot: Robot, tmp_path: Path) -> None:
             f"far: joint_1 = {far}",
             f"far: joint_2 = {far}",
             "no pose closed; ",
-            "pose open ships; to replace it, add it to replaces",
+            "pose open is shipped; to replace it, add it to replaces",
         },
         "look.yaml": {
             "the key description is missing",

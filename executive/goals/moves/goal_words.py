@@ -368,7 +368,7 @@ def _no_pose(
         point = f"x y z, such as 0.1 0.1 8cm{' in quotes' * quoted}"
         why = f"{given} has {plural(len(numbers), 'number')}; the point for the tool has three"
         moves = " or ".join(["JOINT=VALUE", *(each for each in offers if each.startswith(WIDTH))])
-        return f"{why}, {point}. Or say what moves: {moves}"
+        return f"{why}, {point}. Or name what moves: {moves}"
     if (rest := [each for each in words if each != word]) and {*rest} <= poses.keys():
         return f"{word!r} is not a pose; leave it out: {' '.join(rest)}"
     others = ["JOINT=VALUE", "JOINT+=CHANGE", *offers]

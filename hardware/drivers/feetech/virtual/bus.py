@@ -27,7 +27,7 @@ class Fault:
             the id `value`), `impersonate` (it answers with the id `value`), `lose` (its next
             `value` answers are lost) or `damage` (its next `value` answers have a wrong bit).
         servo: Id of the servo.
-        time: Begin of the fault [s].
+        time: Start of the fault [s].
         value: See `kind`.
     """
 

@@ -112,7 +112,7 @@ class Servo:
 
     @property
     def output(self) -> float:
-        """Position of what it moves [ticks]. The encoder does not see the backlash before that.
+        """Position of its output [ticks]. The encoder does not measure the backlash before that.
 
         Its load keeps the output on one side of the backlash. A load on the other side moves it.
         """
