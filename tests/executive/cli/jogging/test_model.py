@@ -234,7 +234,7 @@ def test_a_question_takes_yes_no_or_a_stop() -> None:
 
 def test_help_says_what_waits() -> None:
     jog, action = begun().press("?")
-    assert (action, "the last one waits" in jog.message) == (None, True)
+    assert (action, "the last pressed key waits" in jog.message) == (None, True)
 
 
 @pytest.mark.parametrize("size", [(200, 50), (80, 24), (60, 12)])
