@@ -104,7 +104,7 @@ class LiveLibrary:
     Args:
         folder: The user's task files; None for only the shipped ones.
         robot: The robot. Tasks are checked for it.
-        default: Folder to use instead of None, as soon as it exists. Default: no folder.
+        default: Folder to use if `folder` is None, as soon as it exists. Default: no folder.
 
     Raises:
         FileError: The folder does not exist or cannot be read.

@@ -159,7 +159,7 @@ def check_arm(robot: "Robot", where: "Where") -> None:
     """Check that a position is of this robot.
 
     Raises:
-        Refusal: It is of another arm.
+        Refusal: The position is of another arm.
     """
     if where.units.keys() != {joint.name for joint in robot.actuated}:
         why = f"the server has another arm than {robot.name}; give its robot file with --robot"

@@ -120,11 +120,11 @@ def check_name(kind: str, name: str) -> str:
     """Return the name of an arm or a pool, which becomes a token of a NATS subject.
 
     Args:
-        kind: Word for the named thing, for the message.
+        kind: Description of the named thing for the message, such as `an arm`.
         name: The name.
 
     Raises:
-        BadName: It is malformed.
+        BadName: The name is malformed.
     """
     if not _NAME.fullmatch(name):
         raise BadName(kind, name)
@@ -246,7 +246,7 @@ class NotConfirmed(FleetError):
         request: `stop`, `resume` or `cancel`.
         confirmed: The answers of the arms that confirmed.
         wanted: Number of arms that should confirm.
-        missing: The other arms, and why.
+        missing: The arms that did not confirm, each with the reason.
         unheld: Reason that the queues are not held; empty if they are held.
 
     Attributes:

@@ -179,7 +179,7 @@ class Arm:
             DriverFailed: The driver raised another exception.
             ActivationStopped: `stop` was called during the boot; the arm is then inactive. Or it
                 was called before all joints were within their limits; servos with torque then hold
-                where they are measured, and the arm is unconfigured.
+                their measured positions, and the arm is unconfigured.
             TransitionRefused: The transition is not legal now.
         """
         self._start_pose, self._meanwhile = start_pose or self.robot.boot_pose, meanwhile
@@ -300,7 +300,7 @@ class Arm:
             NotActive: The arm is not active.
             PoseOutsideLimits: The arm is outside its limits. The torque is still off.
             ActivationStopped: The arm was stopped before all joints were within their limits. Its
-                servos with torque hold where they are measured. It is unconfigured.
+                servos with torque hold their measured positions. It is unconfigured.
         """
         self.robot.require(Ability.TORQUE)
         self._active_connection().switch_torque(on)

@@ -130,7 +130,7 @@ class Connection:
             NotActive: The arm is not active.
             PoseOutsideLimits: The arm is outside its limits. The torque is still off.
             ActivationStopped: The arm was stopped before all joints were within their limits. Its
-                servos with torque hold where they are measured. It is unconfigured.
+                servos with torque hold their measured positions. It is unconfigured.
         """
         generation = self.guard.release_torque()
         try:
@@ -156,7 +156,7 @@ class Connection:
                 if self._moves_in and self.guard.generation != generation:
                     raise ActivationStopped(
                         "the arm was stopped before its joints were within their limits; servos"
-                        " with torque hold where they are measured",
+                        " with torque hold their measured positions",
                         "configure and activate the arm again",
                     )
                 while not self.guard.send_torque_command(command):

@@ -33,7 +33,7 @@ class Rule:
 
 
 def prune(folder: Path, rule: Rule, utc: float, dry_run: bool = False) -> Iterator[Path]:
-    """Delete the recordings that a rule allows to delete, oldest first, with their pictures.
+    """Delete the recordings that a rule selects, oldest first, with their pictures.
 
     It never deletes a recording that is pinned, unfinished, being written or of another program. A
     copy of a damaged recording counts as a recording.

@@ -131,8 +131,8 @@ class ControlNodeKind(ABC):
         groot_tag: Name of the equivalent node of BehaviorTree.CPP, if that node has no ports.
         synonyms: Names of it in other languages and libraries, for corrections.
         other_options: Its options by their names in other libraries.
-        keywords: Keywords of programming languages that it stands for, but that take other nodes
-            below them; each with the message for it.
+        keywords: Keywords of programming languages that mean this kind but take other nodes below
+            them, each with its message.
     """
 
     name: ClassVar[str]

@@ -46,7 +46,7 @@ _WITH = ("args", "arguments", "params", "parameters", "ports", "inputs", "input"
 
 
 def joined(words: str) -> str:
-    """Return the name with these words, such as `my_task`; empty if they make no name."""
+    """Return a name made of words, such as `my_task`; empty if they make no name."""
     name = "_".join(words.split())
     return name if NAME.fullmatch(name) else ""
 

@@ -59,7 +59,7 @@ def stoppable(report: Callable[[str], None]) -> Iterator[None]:
     """Let `armtree stop` find the current command during this context, inside of `Interrupts`.
 
     Args:
-        report: Callback for a line if this is not possible.
+        report: Callback for a message if `armtree stop` cannot find the command.
     """
     with ExitStack() as stack:
         try:

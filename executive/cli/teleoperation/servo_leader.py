@@ -36,7 +36,7 @@ class HandGuidedArm:
         robot.require(Ability.TORQUE)
         self.robot, self.following = robot, False
         self.blocked: Blocked | None = None
-        # A hand may move it beyond its limits. It holds where it is measured there, too.
+        # A person may move it beyond its limits. It must hold its position there, too.
         self._arm = Arm(_beyond_limits(robot), link, RealClock())
 
     def open(self) -> None:

@@ -53,8 +53,8 @@ class Words:
     Attributes:
         joints: Positions by joint [rad].
         changes: Distances from the start by joint, for joints without a position [rad].
-        point: x, y, z of the tool [m]; None if the words are others.
-        turn: Roll, pitch and yaw of the tool from the start [rad]; None if the words are others.
+        point: x, y, z of the tool [m]; None if the words give no point.
+        turn: Roll, pitch and yaw of the tool from the start [rad]; None if the words give none.
     """
 
     joints: Mapping[str, float]

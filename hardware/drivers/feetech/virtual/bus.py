@@ -43,7 +43,7 @@ class BusState:
 
     Attributes:
         positions: Positions of the servos, by id [ticks].
-        outputs: Positions of what they move, by id [ticks]. They differ by the backlash.
+        outputs: Positions of their outputs, by id [ticks]. They differ by the backlash.
         torque: True if the servo has torque, by id.
         collisions: Number of times that the host sent bytes while a servo answered.
     """

@@ -71,7 +71,7 @@ class Servo:
 
     Attributes:
         blocked: True if it cannot move. It then pushes with its full torque.
-        stops: Positions between which an object keeps it, once it is there [ticks].
+        stops: Ends of the range in which an object keeps it, if it is in the range [ticks].
         supply: Voltage of its supply without a load [V].
         ambient: Temperature around it [C].
     """
