@@ -63,7 +63,7 @@ def calibrate(
     range, which is the middle of the joint's limits.
 
     This is the only command that writes to the memory that servos keep without power. It shows
-    what it writes, asks, and reads it back.
+    the values, asks before it writes them, and reads them back.
 
     \b
     Example:

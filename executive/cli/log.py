@@ -322,7 +322,7 @@ def prune(folder: Path, days: float | None, mb: float | None, dry_run: bool, as_
     Pictures beside a recording, with its name, are deleted with it.
 
     The default of FOLDER is the setting `recordings`, which is ./recordings by default. Without
-    --days and --mb, the settings `keep_days` and `keep_mb` say what to delete.
+    --days and --mb, the settings `keep_days` and `keep_mb` decide what is deleted.
 
     \b
     Example:

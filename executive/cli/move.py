@@ -131,8 +131,8 @@ def home(speed: float) -> "Move":
 def where(server: str | None, as_json: bool, **options: Any) -> None:
     """Print where the arm is: joints in degrees, the tool and the width of the gripper in mm.
 
-    Asks the server on this machine. Without one, prints the last pose that a recording in this
-    folder holds.
+    The pose comes from the server on this machine. If no server runs, it is the last pose in the
+    recordings.
     """
     found, source = find_arm(server, **options)
     echo_result(as_json, found.to_json(), *_where_lines(found, source))
@@ -218,9 +218,9 @@ def stop(server: str | None, as_json: bool) -> None:
     """Stop the arm at once, and cancel all goals.
 
     Without --server, stops all your arms on this machine: those of servers, and those of run, move,
-    home, jog, teach, teleop and replay, which then end. If you have none, stops that of the server
-    at the default port, even another user's. A Python program is stopped by Ctrl-C. It is not an
-    emergency stop: keep a switch for the power within reach.
+    home, jog, teach, teleop and replay, which then end. If you have none, stops the arm of the
+    server at the default port, even if another user started it. A Python program is stopped by
+    Ctrl-C. It is not an emergency stop: keep a switch for the power within reach.
     """
     from .support.server_requests import stop_all
 

@@ -78,8 +78,8 @@ def new_arm(
 
     Limits are those of the URDF. Arm, gripper and tool are guessed. Pairs of links that touch by
     design or can never touch are found in 10,000 random configurations. The poses open and closed
-    of the gripper are saved. The result can be moved on the port virtual at once; its comments say
-    what to fill in for a real board.
+    of the gripper are saved. The new arm can move on the port virtual at once. Comments in its
+    file explain what to add for a real board.
 
     \b
     Example:

@@ -135,7 +135,7 @@ def view(client: "Client", as_json: bool, recording: Path | None, only_print: bo
     With RECORDING, show recordings without an arm and without a server, until Ctrl-C. RECORDING is
     a file, `latest`, or a folder.
 
-    The link works once. It is printed too, for a browser elsewhere.
+    The link works once. It is also printed, for another browser.
 
     \b
     Examples:

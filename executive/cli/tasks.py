@@ -150,7 +150,8 @@ def check(
     """Check task files and report every mistake with its line. Nothing moves.
 
     Without FILE, checks all files of --trees. A FILE is checked together with the other files of
-    its folder. Of a folder, all files are checked. The exit status is 3 if there is a mistake.
+    its folder. If FILE is a folder, all its files are checked. The exit status is 3 if there is a
+    mistake.
     """
     source = click.get_current_context().get_parameter_source("trees")
     if files and source is click.core.ParameterSource.COMMANDLINE:
