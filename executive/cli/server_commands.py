@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 def _check_goal(context: click.Context, parameter: click.Parameter, value: str) -> str:
     """Return the id of a goal. Raise a usage error for any other text."""
     if value.partition(":")[0] == "latest":
-        alone = f"`{context.command_path}` without GOAL is for the running goal"
-        raise click.BadParameter(f"{value!r} names a recording, not a goal; {alone}")
+        way = f"for the running goal, type `{context.command_path}`"
+        raise click.BadParameter(f"{value!r} names a recording, not a goal; {way}")
     return check_goal_id(context, parameter, value)
 
 
