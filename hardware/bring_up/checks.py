@@ -74,7 +74,7 @@ def _missing(robot: Robot, port: str, found: Found) -> Iterator[Check]:
         yield Check("other ids", False, what, remedy, ServoMissing.code)
     baud, others = search_speeds(robot, port)
     if baud != speed:
-        what = f"servos {_numbers(others)} answer at {baud} bit/s; the robot file says {speed}"
+        what = f"servos {_numbers(others)} answer at {baud} bit/s; the robot file has {speed}"
         remedy = f"write baud = {baud} under [serial] in {robot.path}"
         yield Check("baud", False, what, remedy, ServoMissing.code, values=_plain(others))
         return
