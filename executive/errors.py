@@ -496,7 +496,7 @@ class ServerLost(ServerUnreachable):
     """The server that moved the arm does not answer any more."""
 
     def __init__(self) -> None:
-        self.hint = "look at the arm, start the server again, then type: armtree where"
+        self.hint = "check the arm, start the server again, then type: armtree where"
         why = "the server does not answer any more, so the pose of the arm is unknown"
         Exception.__init__(self, why)
 

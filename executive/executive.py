@@ -218,8 +218,8 @@ class Executive:
                 files, or with wrong arguments. If False, such a goal is accepted and aborted. An
                 invalid move is always refused.
             client: Name of the sending program, for the recording; empty if unknown.
-            stops: Number of stops that the sender knew from a status. A goal that arrives after a
-                later stop is refused. None to accept the goal.
+            stops: Number of stops in the last status that the sender has read. The goal is refused
+                if the arm was stopped after that status. None for no such check.
         """
         invalid, text = None, ""
         if isinstance(task, Move):
@@ -344,8 +344,8 @@ class Executive:
         Args:
             transition: configure, activate, deactivate, cleanup or shutdown.
             pose: Confirmed start pose of an activation, `boot` or `last`; see `StartPose`.
-            stops: Number of stops that the sender knew from a status. An activation that arrives
-                after a later stop is refused. None for the number at this moment.
+            stops: Number of stops in the last status that the sender has read. An activation is
+                refused if the arm was stopped after that status. None for the current number.
 
         Returns:
             State of the arm.

@@ -56,8 +56,8 @@ class HostLimit(ArmtreeError):
     """A limit of the operating system is too low.
 
     Args:
-        words: What the limit prevents.
-        option: The command that raises it, such as `ulimit -n 1024`.
+        words: Description of the limit, for the message.
+        option: Command that raises the limit, such as `ulimit -n 1024`.
     """
 
     code = "host.limit"

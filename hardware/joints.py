@@ -44,7 +44,7 @@ class Joint:
         upper: Largest position [rad].
         velocity: Velocity limit [rad/s].
         acceleration: Acceleration limit [rad/s2].
-        boot: Position in the start pose: at the begin of a plan, and after a reset of the board
+        boot: Position in the start pose: at the start of a plan, and after a reset of the board
             [rad].
         mimic: Relation to the joint that it follows; None if it moves independently.
         wire: Its encoding in a frame. None if it has no servo of its own, or if the robot file

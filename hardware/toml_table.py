@@ -309,7 +309,7 @@ _SLIPS = (
     (r"\s+\0", " = ", "a `=` is missing after the key"),
 )  # fmt: skip
 _MOST_SLIPS, _MOST_TEXT = 10, 10_000  # bounds of the time of a search [slips, characters]
-# Errors of the reader in other words.
+# Messages in place of the reader's own.
 _WHY = {
     "Cannot overwrite a value": "this key is given twice; leave one of them out",
     "Cannot declare": "this table is given twice; write all its keys below one of them",
@@ -350,7 +350,7 @@ def _parsed(path: Path, text: str) -> tuple[dict[str, Any], str, list[Descriptio
 
 
 def _spot(lines: Sequence[str], line: int, column: int) -> tuple[int, int]:
-    """Return the row and column of a place; the end of the last line before it for a begin."""
+    """Return row and column of a place, or of the end of the last text before it."""
     row, at = min(line, len(lines)) - 1, column - 1
     at = at if line <= len(lines) else len(lines[row])
     while row > 0 and not lines[row][:at].partition("#")[0].strip():

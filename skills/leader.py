@@ -25,14 +25,14 @@ class Leader(Protocol):
     """A hand-guided arm. No method blocks."""
 
     def positions(self) -> tuple[float, ...] | None:
-        """Return its measured positions, one per actuated joint [rad]; None ends the following.
+        """Return its measured positions, one per actuated joint [rad], or None to stop following.
 
         Raises:
             HardwareError: The arm is lost.
         """
 
     def show(self, blocked: Blocked | None) -> None:
-        """Show the reason that the arm does not follow. None: it follows."""
+        """Show the reason that the arm does not follow, or None if it follows."""
 
 
 class NullLeader:

@@ -55,7 +55,7 @@ class Findings:
             robot; keys that nothing reads; long times without a unit; first motions that start
             in collision; points out of reach; timeouts shorter than their motions. The last three
             assume that the arm is in its start pose.
-        shipped: Number of the files that ship.
+        shipped: Number of the shipped files.
     """
 
     files: list[Path] = field(default_factory=list)
@@ -69,7 +69,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
 
     Args:
         robot: The robot.
-        folder: Folder of the user's files; None for only those that ship.
+        folder: Folder of the user's files; None for only the shipped ones.
         files: Files to check, and folders whose files to check; empty for all.
     """
     files = [path for file in files for path in _files(file, robot.name)]

@@ -14,7 +14,7 @@ SHIPPED_ROBOT = "arduinobot"  # name of the robot for the shipped tasks and exam
 EXAMPLES = Path(__file__).with_name("examples")  # folder with example tasks
 
 _SHOWN = 20  # largest number of mistakes in a message
-_BEGIN, _END = 600, 200  # characters at the begin and end of a cut message
+_BEGIN, _END = 600, 200  # characters at the start and end of a cut message
 _LINES = 8  # largest number of lines in a correction
 
 
@@ -304,7 +304,7 @@ def _with_all(before: str, after: Sequence[str]) -> str:
 
 
 def _change(before: str, after: str) -> tuple[int, int, str]:
-    """Return begin and end of the part of a text that differs from another, and its replacement."""
+    """Return start and end of the part of a text that differs from another, and its replacement."""
     begin = _common(before, after)
     end = _common(before[begin:][::-1], after[begin:][::-1])
     return begin, len(before) - end, after[begin : len(after) - end]
@@ -376,7 +376,7 @@ class UnknownTask(TreeError):
         task: Number or name.
         known: The numbers or names of all tasks.
         robot: Name of the robot of these tasks.
-        instead: What the task may be instead, such as a pose; empty if that is unknown.
+        instead: Hint about the likely meaning of the name, such as a pose; empty if unknown.
     """
 
     code = "goal.unknown_task"

@@ -102,9 +102,9 @@ class LiveLibrary:
     was valid. A snapshot is made at the start, and before a goal if a file has changed.
 
     Args:
-        folder: The user's task files; None for only those that ship.
+        folder: The user's task files; None for only the shipped ones.
         robot: The robot. Tasks are checked for it.
-        default: Folder to use instead of None, as soon as it exists. Default: no folder.
+        default: Folder to use if `folder` is None, as soon as it exists. Default: no folder.
 
     Raises:
         FileError: The folder does not exist or cannot be read.
@@ -115,7 +115,7 @@ class LiveLibrary:
         self._folder, self._default = folder, default if folder is None else None
         first = _Snapshot(self.folder, robot.name)
         if folder:
-            self._folder = first.own = first.library.folder  # None for the one that ships
+            self._folder = first.own = first.library.folder  # None for the shipped folder
         self._snapshots = deque([first], KEPT)  # newest first
         self._rows: tuple[_Snapshot, list[dict[str, Any]]] | None = None
 

@@ -94,7 +94,7 @@ _stop = partial(Operation, "POST", Access.STOP)
 
 _GOAL = {"goal_id": s.GOAL_ID}
 _TIMEOUT = s.described(s.number(0, 3600), "Longest time to wait [s].")
-_LIMIT = s.described(s.integer(1, s.MAX_LISTED), f"Most goals to list; default {s.MAX_LISTED}.")
+_LIMIT = s.described(s.integer(1, s.MAX_LISTED), f"Number of goals; default {s.MAX_LISTED}.")
 _KIND = "|".join(sorted(KINDS))
 _KINDS = s.described(
     s.text(
@@ -261,7 +261,7 @@ _ROWS = (
     _change(
         "/api/poses/remove",
         "remove_pose",
-        "Remove a pose from the files of your own tasks. A pose that ships stays.",
+        "Remove a pose from the files of your own tasks. Shipped poses stay.",
         s.answer("RemovedPose", pose=s.TEXT, source=s.TEXT),
         body=s.body("name", name=s.words("Name of the pose.")),
         errors=("file",),

@@ -76,7 +76,7 @@ class Cause:
 
     @property
     def advice(self) -> str:
-        """Advice for the user; empty if the message has it, also at the begin of a sentence."""
+        """Advice for the user; empty if the message already has it, in any case of its letters."""
         return "" if self.hint.lower() in self.message.lower() else self.hint
 
     def to_json(self) -> dict[str, Any]:
@@ -117,7 +117,7 @@ class Ending:
 
     @property
     def success(self) -> bool:
-        """True if the task was done."""
+        """True if the state is SUCCEEDED."""
         return self.state is GoalState.SUCCEEDED
 
     @property

@@ -80,7 +80,7 @@ def number(least: float, most: float) -> dict[str, Any]:
 
 
 def choice(values: Iterable[Any], kind: str = "string") -> dict[str, Any]:
-    """Return the schema of a choice of some values."""
+    """Return the schema of a value from a list of allowed values."""
     return {"type": kind, "enum": list(values)}
 
 
@@ -147,7 +147,7 @@ NUMBER = {"type": "number"}
 COUNT = {"type": "integer", "minimum": 0}
 BOOLEAN = {"type": "boolean"}
 _TYPES: dict[Any, Schema] = {str: TEXT, int: COUNT, float: NUMBER, bool: BOOLEAN}
-_ATTRIBUTE = re.compile(r"^    (\w+): (.*(?:\n {5,}.*)*)", re.MULTILINE)  # of a docstring
+_ATTRIBUTE = re.compile(r"^    (\w+): (.*(?:\n {5,}.*)*)", re.MULTILINE)  # in a docstring
 
 GOAL_ID = text("^[0-9a-f]{32}$", 32, "32 lower-case hexadecimal digits", minLength=32)
 QUESTION_ID = text("^[0-9a-f]{8}$", 8, minLength=8)
@@ -229,7 +229,7 @@ POSE = answer(
     "Pose",
     pose=TEXT,
     positions=_BY_JOINT,
-    source=described(TEXT, "`FILE:LINE`, or that it ships."),
+    source=described(TEXT, "`FILE:LINE`, or `shipped`."),
 )
 STATUS = answer(
     "Status",
@@ -255,9 +255,7 @@ _JOINT = _object(
         "xyz": _VECTOR,
         "rpy": _VECTOR,
         "axis": _VECTOR,
-        "limits": described(
-            array(NUMBER), "Smallest and largest position, of those that there are."
-        ),
+        "limits": described(array(NUMBER), "Smallest and largest position, without infinite ones."),
         "mimic": {
             "type": ["array", "null"],
             "description": "The joint that it follows, the factor, and the offset.",
@@ -293,7 +291,7 @@ _INPUT = _object(
         "type": TEXT,
         "unit": described(TEXT, "Unit of the limits; may be empty."),
         "units": described(
-            by_name(NUMBER), "Units that a value may have, in the unit of the limits."
+            by_name(NUMBER), "Factor of each unit that a value may have, to the unit of the limits."
         ),
         "needed": BOOLEAN,
         "default": described(TEXT, "As in a task file; empty for none."),

@@ -59,11 +59,11 @@ def calibrate(
 
     The torque goes off first, so hold the arm. A table shows how far each joint was turned, beside
     its range in the URDF. The result is a file beside the robot file, or in ~/.config/armtree
-    for a robot that ships. It holds the ranges, and the position of the servo in the middle of each
+    for a shipped robot. It holds the ranges, and the position of the servo in the middle of each
     range, which is the middle of the joint's limits.
 
     This is the only command that writes to the memory that servos keep without power. It shows
-    what it writes, asks, and reads it back.
+    the values, asks before it writes them, and reads them back.
 
     \b
     Example:
@@ -171,7 +171,7 @@ def _finish(
     _show(changes)
     replaces = ", which is replaced" if calibrator.path.exists() else ""
     if error := calibrator.difference:
-        echo("", f"{error}.", "Copy the file first if --restore shall work for that arm.")
+        echo("", f"{error}.", "To use --restore for that arm later, copy the file first.")
     file = f"the file {calibrator.path}{replaces}"
     with _leavable():
         _confirm(f"Write {_values(changes)} to the servos, and {file}?")
@@ -228,7 +228,7 @@ def _number(arm: "Robot", port: str, restore: bool) -> None:
             echo(f"Exactly one servo must answer; ids that answer: {there}. Check cable and power")
         (now,) = found.servos
         if baud != arm.serial.baud:
-            there = f"The servo runs at {baud} bit/s; the robot file says {arm.serial.baud}"
+            there = f"The servo runs at {baud} bit/s; the robot file has {arm.serial.baud}"
             ways = "Set its speed with the manufacturer's tool, or correct the robot file"
             echo(f"{there}. {ways}")
         if now == wanted:

@@ -43,7 +43,7 @@ _MARKS = {True: "ok", False: "NO", None: "?"}
     "--report",
     metavar="FILE",
     type=PATH,
-    help="Write all that was found to a JSON file, to send with a question.",
+    help="Write all results to a JSON file, to send with a question.",
 )
 @click.pass_context
 def doctor(

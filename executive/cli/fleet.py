@@ -102,7 +102,7 @@ def fleet() -> None:
     type=Whole(0, 65535),
     default=8770,
     show_default=True,
-    help="TCP port of the page and of the figures for Prometheus; 0 for any free one.",
+    help="TCP port of the page and of the metrics for Prometheus; 0 for any free one.",
 )
 @click.option(
     "--use",
@@ -197,21 +197,24 @@ def join(server: str, url: str, pool: str, name: str, page: str | None, child: b
     type=click.Choice(["high", "normal", "low"]),
     default="normal",
     show_default=True,
-    help="Jobs of a higher priority are taken first.",
+    help="Arms take jobs of a higher priority first.",
 )
 @click.option(
-    "--start-within", metavar="SECONDS", type=ABOVE_0, help="Fail if no arm starts it in time [s]."
+    "--start-within",
+    metavar="SECONDS",
+    type=ABOVE_0,
+    help="Fail if no arm starts the job within this time [s].",
 )
 @click.option(
     "--end-within",
     metavar="SECONDS",
     type=ABOVE_0,
-    help="Cancel it if it does not end in time [s].",
+    help="Cancel the job if it does not end within this time [s].",
 )
 @click.option(
     "--wait",
     is_flag=True,
-    help="Wait for its end; the exit status is that of the run. Ctrl-C cancels the job.",
+    help="Wait for the end of the job, and exit with the status of its run. Ctrl-C cancels it.",
 )
 @_JSON
 @_FLEET

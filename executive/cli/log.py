@@ -206,7 +206,7 @@ def diff(one: Path, other: Path, output: Path | None, as_json: bool) -> None:
     from logs.views.comparison import compare
 
     both, known = compare(one, other), dict[str, "Joint"]()
-    with suppress(RecordingError):  # of another program: without its robot
+    with suppress(RecordingError):  # a recording of another program has no robot
         known = {joint.name: joint for joint in restore_robot(Recording(one)).joints}
     lines = [both.first or f"all {len(both.runs[0].frames)} frames are the same"]
     if all(run.joints for run in both.runs) and not both.joints:
@@ -322,7 +322,7 @@ def prune(folder: Path, days: float | None, mb: float | None, dry_run: bool, as_
     Pictures beside a recording, with its name, are deleted with it.
 
     The default of FOLDER is the setting `recordings`, which is ./recordings by default. Without
-    --days and --mb, the settings `keep_days` and `keep_mb` say what to delete.
+    --days and --mb, the settings `keep_days` and `keep_mb` decide what is deleted.
 
     \b
     Example:

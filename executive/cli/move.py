@@ -77,7 +77,7 @@ def _execute(
 @command(context_settings={"ignore_unknown_options": True})  # -0.1 is a number, not an option
 @target_argument("target", complete_target)
 @click.option(
-    "--by", "relative", is_flag=True, help="TARGET is a change: of joints, or of the tool."
+    "--by", "relative", is_flag=True, help="TARGET is a change from the current position."
 )
 @_moving
 def move(target: tuple[str, ...], relative: bool, speed: float) -> "Move":
@@ -131,8 +131,8 @@ def home(speed: float) -> "Move":
 def where(server: str | None, as_json: bool, **options: Any) -> None:
     """Print where the arm is: joints in degrees, the tool and the width of the gripper in mm.
 
-    Asks the server on this machine. Without one, prints the last pose that a recording in this
-    folder holds.
+    The pose comes from the server on this machine. If no server runs, it is the last pose in the
+    recordings.
     """
     found, source = find_arm(server, **options)
     echo_result(as_json, found.to_json(), *_where_lines(found, source))
@@ -159,7 +159,7 @@ def check_arm(robot: "Robot", where: "Where") -> None:
     """Check that a position is of this robot.
 
     Raises:
-        Refusal: It is of another arm.
+        Refusal: The position is of another arm.
     """
     if where.units.keys() != {joint.name for joint in robot.actuated}:
         why = f"the server has another arm than {robot.name}; give its robot file with --robot"
@@ -218,9 +218,9 @@ def stop(server: str | None, as_json: bool) -> None:
     """Stop the arm at once, and cancel all goals.
 
     Without --server, stops all your arms on this machine: those of servers, and those of run, move,
-    home, jog, teach, teleop and replay, which then end. If you have none, stops that of the server
-    at the default port, even another user's. A Python program is stopped by Ctrl-C. It is not an
-    emergency stop: keep a switch for the power within reach.
+    home, jog, teach, teleop and replay, which then end. If you have none, stops the arm of the
+    server at the default port, even if another user started it. A Python program is stopped by
+    Ctrl-C. It is not an emergency stop: keep a switch for the power within reach.
     """
     from .support.server_requests import stop_all
 

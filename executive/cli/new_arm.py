@@ -33,7 +33,7 @@ gripper, swap the two names."""
 @command()
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per robot.")
 def robots(as_json: bool) -> None:
-    """List the robots that ship, for --robot, and the firmware for an Arduino."""
+    """List the shipped robots, for --robot, and the firmware for an Arduino."""
     from hardware import load_robot, shipped_robots
     from hardware.drivers.arduino.firmware_profile import HEX_FILE
     from trees import Library
@@ -63,7 +63,7 @@ def robots(as_json: bool) -> None:
 @click.option(
     "--tool",
     metavar="LINK",
-    help="Link of the tool. Default: the command asks for it, or guesses it.",
+    help="Link of the tool. Default: a guess, which you confirm at a terminal.",
 )
 @click.option(
     "--gripper",
@@ -78,8 +78,8 @@ def new_arm(
 
     Limits are those of the URDF. Arm, gripper and tool are guessed. Pairs of links that touch by
     design or can never touch are found in 10,000 random configurations. The poses open and closed
-    of the gripper are saved. The result can be moved on the port virtual at once; its comments say
-    what to fill in for a real board.
+    of the gripper are saved. The new arm can move on the port virtual at once. Comments in its
+    file explain what to add for a real board.
 
     \b
     Example:

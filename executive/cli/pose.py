@@ -54,7 +54,7 @@ def save(
 ) -> None:
     """Save the commanded pose of the arm, as `armtree where` shows it.
 
-    A pose that ships is never changed. With --replace, your own pose is used in its place.
+    A shipped pose never changes. With --replace, your own pose is used instead.
 
     \b
     Examples:
@@ -130,7 +130,7 @@ def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> No
 @robot_option
 @own_trees_option
 def rm(name: str, robot: Path | None, trees: Path) -> None:
-    """Remove a pose from your file. A pose that ships stays."""
+    """Remove a pose from your file. Shipped poses stay."""
     from hardware import load_robot
     from trees.writing.saved_poses import remove_pose
 

@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 def _check_goal(context: click.Context, parameter: click.Parameter, value: str) -> str:
     """Return the id of a goal. Raise a usage error for any other text."""
     if value.partition(":")[0] == "latest":
-        alone = f"`{context.command_path}` alone is for the goal under way"
-        raise click.BadParameter(f"{value!r} names a recording, not a goal; {alone}")
+        way = f"for the running goal, type `{context.command_path}`"
+        raise click.BadParameter(f"{value!r} names a recording, not a goal; {way}")
     return check_goal_id(context, parameter, value)
 
 
@@ -135,7 +135,7 @@ def view(client: "Client", as_json: bool, recording: Path | None, only_print: bo
     With RECORDING, show recordings without an arm and without a server, until Ctrl-C. RECORDING is
     a file, `latest`, or a folder.
 
-    The link works once. It is printed too, for a browser elsewhere.
+    The link works once. It is also printed, for another browser.
 
     \b
     Examples:

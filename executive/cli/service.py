@@ -95,7 +95,7 @@ def _persistent(port: str) -> tuple[str, str]:
     """Return the persistent name of a port, and "". Without one, return the port and its USB id.
 
     Raises:
-        Refusal: Neither distinguishes the port from another one.
+        Refusal: Another port has the same name or USB id.
     """
     ports, device = serial_ports(), os.path.realpath(port)
     own = next((each for each in ports if os.path.realpath(each.device) == device), None)

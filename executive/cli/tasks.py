@@ -150,7 +150,8 @@ def check(
     """Check task files and report every mistake with its line. Nothing moves.
 
     Without FILE, checks all files of --trees. A FILE is checked together with the other files of
-    its folder. Of a folder, all files are checked. The exit status is 3 if there is a mistake.
+    its folder. If FILE is a folder, all its files are checked. The exit status is 3 if there is a
+    mistake.
     """
     source = click.get_current_context().get_parameter_source("trees")
     if files and source is click.core.ParameterSource.COMMANDLINE:
@@ -166,8 +167,9 @@ def check(
         echo(f"note: {note}", err=True)
     mistakes, count = findings.mistakes, len(findings.mistakes)
     own = len(findings.files) - findings.shipped
-    checked = plural(own, "file") if own else plural(findings.shipped, "shipped file")
-    checked += f" and {findings.shipped} that ship" if own and findings.shipped else ""
+    shipped = plural(findings.shipped, "shipped file")
+    checked = plural(own, "file") if own else shipped
+    checked += f" and {shipped}" if own and findings.shipped else ""
     if as_json:
         row = {
             "files": [str(path) for path in findings.files],

@@ -33,8 +33,8 @@ def teleop(leader: str, leader_robot: Path | None, speed: float, **options: Any)
     """Move an arm by moving another one by hand.
 
     The arm at --port is activated. Then the leader loses its torque, so hold it. The arm first
-    moves to where the leader is, on a planned path, and then follows it within the limits of the
-    robot file. Every step is checked for collision before it is sent, and recorded. Before a
+    moves to the position of the leader, on a planned path, and then follows it within the limits of
+    the robot file. Every step is checked for collision before it is sent, and recorded. Before a
     collision the arm stops, and arrows show in which direction each joint is free; it follows again
     when the leader is back.
 

@@ -120,11 +120,11 @@ def check_name(kind: str, name: str) -> str:
     """Return the name of an arm or a pool, which becomes a token of a NATS subject.
 
     Args:
-        kind: Word for the named thing, for the message.
+        kind: Description of the named thing for the message, such as `an arm`.
         name: The name.
 
     Raises:
-        BadName: It is malformed.
+        BadName: The name is malformed.
     """
     if not _NAME.fullmatch(name):
         raise BadName(kind, name)
@@ -213,7 +213,7 @@ class ArmLost(FleetError):
     """The arm that had claimed a job is gone."""
 
     code = "fleet.arm_lost"
-    hint = "look at the arm before you send the job again"
+    hint = "check the arm before you send the job again"
 
     def __init__(self, arm: str, url: str, silence: float) -> None:
         super().__init__(
@@ -246,15 +246,15 @@ class NotConfirmed(FleetError):
         request: `stop`, `resume` or `cancel`.
         confirmed: The answers of the arms that confirmed.
         wanted: Number of arms that should confirm.
-        missing: The other arms, and why.
-        unheld: Why the queues are not held; empty if they are.
+        missing: The arms that did not confirm, each with the reason.
+        unheld: Reason that the queues are not held; empty if they are held.
 
     Attributes:
         confirmed, wanted, missing: As above.
     """
 
     code = "fleet.not_confirmed"
-    hint = "look at these arms, and use their own pages or power switches"
+    hint = "check these arms, and use their own pages or power switches"
 
     def __init__(
         self,

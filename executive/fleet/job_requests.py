@@ -56,7 +56,7 @@ class JobRequests:
         self._forgotten.set()
 
     def withdraw(self) -> None:
-        """Take the waiting requests back. `next` returns, with a job if one is on its way."""
+        """Withdraw the waiting requests. `next` then returns, with a job if one is on its way."""
         self._withdrawn = True
         self._forgotten.set()
 

@@ -128,8 +128,8 @@ def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Pope
 
     Raises:
         FleetUnsafe, FleetMissing: As of `NatsOptions.check`.
-        NotStarted: It ends, or does not answer in time, or another program uses the data folder or
-            the address.
+        NotStarted: nats-server ends or does not answer in time, or another program uses the data
+            folder or the address.
     """
     options.check()
     options.data.mkdir(mode=0o700, parents=True, exist_ok=True)

@@ -56,7 +56,7 @@ def run(url: str, act: Act, interrupted: Act | None = None) -> None:
     Args:
         url: URL of the fleet.
         act: The function. Ctrl-C ends it.
-        interrupted: Called afterwards.
+        interrupted: Called after Ctrl-C.
 
     Raises:
         FleetError: The fleet cannot be reached, or it refuses the request.

@@ -17,7 +17,7 @@ from .values import JobRecord, Presence, failed, to_bytes
 
 logger = logging.getLogger(__name__)
 
-LOST_SECONDS = 1.5 * ALIVE_SECONDS  # silence of an arm after which its claimed job is given up
+LOST_SECONDS = 1.5 * ALIVE_SECONDS  # silence after which an arm is lost
 MOST_ATTEMPTS = 3
 _SWEEP_SECONDS = 5.0
 
@@ -37,9 +37,9 @@ class Supervisor:
 
     def __init__(self, fleet: Fleet, clock: Clock) -> None:
         self._fleet, self._clock = fleet, clock
-        self._silent: dict[str, float] = {}  # begin of the silence, by job [s]
+        self._silent: dict[str, float] = {}  # start of the arm's silence, by job [s]
         self._claimed: dict[str, JobRecord] = {}
-        self._waiting = dict[str, str]()  # what was logged of waiting jobs, by pool
+        self._waiting = dict[str, str]()  # last logged text about waiting jobs, by pool
         self._revision = 0  # revision of the last record that was read
         self.ended = Counter[tuple[str, str, str]]()
 
@@ -52,7 +52,7 @@ class Supervisor:
                         "The job %s of %s is %s: its arm is lost",
                         record.job.identity,
                         record.arm,
-                        "given up" if record.result else "sent again",
+                        "aborted" if record.result else "sent again",
                     )
                 await self._log_waiting()
             except GONE:

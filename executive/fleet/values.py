@@ -61,7 +61,7 @@ class JobRecord:
         retry_safe: True if its task may run again after its arm was lost.
         result: The result; None before the end.
         ended_ns: Time of the end, UTC [ns since 1970]; 0 before the end.
-        late: True if the arm reported the result after it had been given up.
+        late: True if the arm was lost before it reported the result.
     """
 
     job: Job

@@ -1,4 +1,4 @@
-"""The page of a fleet, and its figures for Prometheus: over HTTP, for this machine only."""
+"""The page of a fleet, and its metrics for Prometheus: over HTTP, for this machine only."""
 
 import logging
 import os
@@ -116,7 +116,7 @@ def make_app(client: FleetClient, supervisor: Supervisor) -> Starlette:
 
 
 class _Figures(Collector):
-    """The figures of one moment.
+    """The metrics of one moment.
 
     Args:
         rows: The arms.
@@ -135,7 +135,7 @@ class _Figures(Collector):
         self._rows, self._queued, self._claimed, self._ended = rows, queued, claimed, ended
 
     def collect(self) -> Iterator[Metric]:
-        """Yield the figures."""
+        """Yield the metrics."""
         arms = GaugeMetricFamily("armtree_fleet_arms", "Arms.", labels=["pool", "state"])
         counts = Counts((row.member.arm.partition(".")[0], row.state) for row in self._rows)
         for labels, number in sorted(counts.items()):

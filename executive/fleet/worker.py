@@ -87,7 +87,7 @@ class Worker:
         self._canceled: set[str] = set()  # jobs that the fleet has canceled
         self._revision = 0  # revision of the stored presence; 0 if it is not stored
         self._joined_ns = utc_ns(clock)
-        self._member: Member | None = None  # as the NATS server knows it; None if unknown
+        self._member: Member | None = None  # member that the NATS server stores; None if unknown
         self._in_order = True
         self._changed, self._free = asyncio.Event(), asyncio.Event()
         self._idle, self._ending = asyncio.Event(), asyncio.Event()
@@ -270,7 +270,7 @@ class Worker:
         logger.warning("Fleet: %s was stopped, and takes no jobs until a resume", self.arm)
 
     def _wait(self) -> None:
-        """Take no job for now, also none of a request that waits at the NATS server."""
+        """Take no job for now. Also withdraw the request that waits at the NATS server."""
         self._free.clear()
         self._requests.withdraw()
 

@@ -141,7 +141,7 @@ class RunningWorker:
         return process.wait()
 
     def end(self) -> None:
-        """End it in order. Without this it would remain a member that a stop names."""
+        """End it in order, so that it leaves the fleet. Otherwise a stop reports it as missing."""
         with self._signal:
             self._ended = True
             self._signal.notify()

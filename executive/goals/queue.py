@@ -96,7 +96,7 @@ class GoalQueue:
             invalid: Error of a goal that can never be executed, or None.
             text: Text of a move; empty for a task.
             client: Name of the sending program; empty if unknown.
-            stops: `stops` as the sender knew it; None to accept the goal after any stop.
+            stops: `stops` in the last status that the sender has read; None for no such check.
 
         Returns:
             The answer, and the preempted goal or None. The caller must stop the arm for the

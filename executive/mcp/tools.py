@@ -44,7 +44,7 @@ _move = partial(Tool, moves=True, repeatable=False)
 WAIT = 50.0  # default of `wait_s`, because clients often limit a call to 60 s
 
 _TASK = {"task": s.TASK_OR_NAME}
-_CALL = {**_TASK, "arguments": {**s.ARGUMENTS, "description": "Values, as describe_task says."}}
+_CALL = {**_TASK, "arguments": {**s.ARGUMENTS, "description": "Values, as in describe_task."}}
 _WAIT = {
     "wait_s": {
         "type": "number",

@@ -157,7 +157,7 @@ def _attached_meshes(recording: Recording) -> dict[str, str]:
     """Return the name of the attachment of each mesh, by its name in the URDF.
 
     Raises:
-        ValueError: The note is invalid.
+        ValueError: The note about the robot is invalid.
     """
     values = json.loads(recording.notes[_NOTE].get("meshes", "{}"))
     if not isinstance(values, dict) or any(Path(str(v)).name != v for v in values.values()):

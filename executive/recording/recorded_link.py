@@ -31,7 +31,7 @@ class RecordedLink:
     def __init__(self, link: Link, recordings: Recordings, clock: Clock, timeout: float) -> None:
         self._link, self._recordings, self._clock = link, recordings, clock
         self._timeout = timeout
-        self._since: float | None = None  # begin of the wait of the next frame [s]
+        self._since: float | None = None  # start of the next frame's wait [s]
         self._quiet_until = 0.0  # time of the next report [s]
 
     @property

@@ -160,7 +160,7 @@ def _holds_difference(
 
 
 def _loosens(robot: Robot, before: Sent, hold: Sent, measured: Measured | None) -> bool:
-    """Return True if a hold only moves grippers, each nearer to where it is measured."""
+    """Return True if a hold only moves grippers, each nearer to its measured position."""
     if measured is None:
         return False
     rows = zip(hold.joints, before.positions, hold.positions, measured.position, strict=True)

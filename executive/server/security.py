@@ -29,7 +29,7 @@ SECURITY_HEADERS = {
 def client_of(headers: Headers) -> str:
     """Return the name of a client for the log and recordings; empty if it gives none."""
     name = headers.get("user-agent", "")
-    if name.startswith("Mozilla/"):  # as every browser says
+    if name.startswith("Mozilla/"):  # every browser begins like this
         return "a browser"
     return printable(name[:MAX_CLIENT])
 

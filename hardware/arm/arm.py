@@ -179,12 +179,12 @@ class Arm:
             DriverFailed: The driver raised another exception.
             ActivationStopped: `stop` was called during the boot; the arm is then inactive. Or it
                 was called before all joints were within their limits; servos with torque then hold
-                where they are measured, and the arm is unconfigured.
+                their measured positions, and the arm is unconfigured.
             TransitionRefused: The transition is not legal now.
         """
         self._start_pose, self._meanwhile = start_pose or self.robot.boot_pose, meanwhile
         self._request("activate", State.ACTIVE)
-        if self._canceled and (stopped := self._activation_ended):  # after the last look at it
+        if self._canceled and (stopped := self._activation_ended):  # canceled after the last check
             self.deactivate()
             raise stopped
         if connection := self._connection:
@@ -300,7 +300,7 @@ class Arm:
             NotActive: The arm is not active.
             PoseOutsideLimits: The arm is outside its limits. The torque is still off.
             ActivationStopped: The arm was stopped before all joints were within their limits. Its
-                servos with torque hold where they are measured. It is unconfigured.
+                servos with torque hold their measured positions. It is unconfigured.
         """
         self.robot.require(Ability.TORQUE)
         self._active_connection().switch_torque(on)
@@ -509,7 +509,7 @@ class Arm:
         if connection := self._connection:
             connection.close(error)
             self._connection = None
-            if self._reconnect:  # not with the connection: its link may keep the arm alive
+            if self._reconnect:  # separate: the connection's link may keep the arm alive
                 self._when_collected(self._reconnect.stop)
 
     def _when_collected(self, release: _Release) -> None:

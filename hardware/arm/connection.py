@@ -67,7 +67,7 @@ class Connection:
         self._on_fault, self._on_receive, self._ready = on_fault, on_receive, ready
         self._closed = self._last_words = False
         self._switching, self._waiting = robot.can(Ability.TORQUE), clock.signal()
-        self._moves_in = False  # True while joints outside their limits move to them
+        self._moves_in = False  # True while joints move back inside their limits
         self._measured_guard = MeasuredGuard(robot.actuated, robot.guards, robot.grips)
         self._reader: threading.Thread | None = None
         self.session = BoardSession(robot.protocol())
@@ -117,7 +117,7 @@ class Connection:
         try:
             self.guard.send_start_commands()
             if self._robot.can(Ability.TORQUE):
-                self._switch_torque(True, 0)  # a stop since the guard was made counts
+                self._switch_torque(True, 0)  # any stop since the guard was made ends this
         except NotActive:
             return  # a fault came first
         except Exception as error:  # a driver may raise any exception
@@ -130,7 +130,7 @@ class Connection:
             NotActive: The arm is not active.
             PoseOutsideLimits: The arm is outside its limits. The torque is still off.
             ActivationStopped: The arm was stopped before all joints were within their limits. Its
-                servos with torque hold where they are measured. It is unconfigured.
+                servos with torque hold their measured positions. It is unconfigured.
         """
         generation = self.guard.release_torque()
         try:
@@ -156,7 +156,7 @@ class Connection:
                 if self._moves_in and self.guard.generation != generation:
                     raise ActivationStopped(
                         "the arm was stopped before its joints were within their limits; servos"
-                        " with torque hold where they are measured",
+                        " with torque hold their measured positions",
                         "configure and activate the arm again",
                     )
                 while not self.guard.send_torque_command(command):
@@ -182,7 +182,7 @@ class Connection:
         try:
             pose = self._held_pose()
         except PoseOutsideLimits:
-            self.session.torque_commands(False)  # not sent: it ends the expectation of torque
+            self.session.torque_commands(False)  # not sent; lets the session expect no torque
             raise
         self.guard.start_from(pose)
         if (frame := self.session.boot_frame) is None:
@@ -279,7 +279,7 @@ class Connection:
                 if (measured := self.session.measured) and measured is not before:
                     now = self._clock.now()
                     self._observe(Measured(now, measured))
-                    if self.streamer:  # the arm has been active
+                    if self.streamer:  # after the activation
                         # Without torque a person moves the arm.
                         holds = self.guard.torque or self._moves_in
                         commanded = self.guard.commanded if holds else measured.position

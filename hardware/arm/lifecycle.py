@@ -48,7 +48,7 @@ REQUESTS = (
     ("shutdown", _S.UNCONFIGURED, _S.SHUTTINGDOWN),
     ("shutdown", _S.INACTIVE, _S.SHUTTINGDOWN),
     ("shutdown", _S.ACTIVE, _S.SHUTTINGDOWN),
-    ("raise_error", _S.ACTIVE, _S.ERRORPROCESSING),  # not in rcl
+    ("raise_error", _S.ACTIVE, _S.ERRORPROCESSING),  # rcl has no such edge
 )
 
 # Requests of people. Only the arm itself requests `raise_error`.

@@ -28,8 +28,8 @@ class MeasuredGuard:
     """Checks measurements of one activation. Thread-safe.
 
     A gripper may close on an object. It then stands still and pushes. `loosened` returns a pose in
-    which it pushes less: with a third of the difference from where it is measured, and at most
-    with `squeeze_deg`. A gripper that is blocked in the other direction has the limits of the other
+    which it pushes less: a third of the difference from its measured position, and at most
+    `squeeze_deg`. A gripper that is blocked in the other direction has the limits of the other
     joints.
 
     Args:

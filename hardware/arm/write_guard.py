@@ -295,7 +295,7 @@ class WriteGuard:
         self._outbox.deliver()
 
     def loosen(self, positions: Sequence[float], claim: Claim | None = None) -> bool:
-        """Command positions nearer to where standing joints are measured, as a hold.
+        """Command positions nearer to the measured ones, for joints that stand still, as a hold.
 
         The joints push against an object and stand still. Therefore their velocity is not checked.
 

@@ -110,7 +110,8 @@ class Calibrator:
         """Return the values to store in each joint's servo for the swept ranges.
 
         Args:
-            centre: True to put the seam of every servo opposite to the middle of its range.
+            centre: True to move the seam of every servo, where its position jumps to 0, opposite to
+                the middle of its range.
 
         Raises:
             SeamInside: A range contains the seam, or a whole turn.

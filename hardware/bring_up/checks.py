@@ -75,7 +75,7 @@ def _missing(robot: Robot, port: str, found: Found) -> Iterator[Check]:
     baud, others = search_speeds(robot, port)
     if baud != speed:
         numbers = " ".join(map(str, others.servos))
-        what = f"servos {numbers} answer at {baud} bit/s; the robot file says {speed}"
+        what = f"servos {numbers} answer at {baud} bit/s; the robot file has {speed}"
         remedy = f"write baud = {baud} under [serial] in {robot.path}"
         yield Check("baud", False, what, remedy, ServoMissing.code, values=_plain(others))
         return

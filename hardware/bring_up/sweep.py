@@ -48,7 +48,7 @@ class Swept:
             centre: True to change the offset, so that the seam is opposite to the middle of the
                 range.
         """
-        # Begin of the turn that contains the begin of the range.
+        # Start of the turn that contains the start of the range.
         begin = self.least - self.least % self.turn
         if homing is None:
             return {"least": self.least - begin, "most": self.most - begin}

@@ -8,7 +8,7 @@ from pathlib import Path
 from hardware.files import user_folder, write_file
 from hardware.toml_table import TomlTable
 
-ROBOTS = Path(__file__).parents[1] / "robots"  # the robots that ship
+ROBOTS = Path(__file__).parents[1] / "robots"  # the shipped robots
 VERSION = 1
 _SUFFIX = ".calibration.toml"
 
@@ -34,7 +34,7 @@ class CalibratedJoint:
 def calibration_file(robot_file: Path) -> Path:
     """Return the path of the calibration file for a robot file. The file may be missing.
 
-    It is beside the robot file. That of a robot that ships is in the user's folder, because an
+    It is beside the robot file. For a shipped robot it is in the user's folder, because an
     installation may be read-only, and an update replaces it.
     """
     folder = user_folder() if _ships(robot_file) else robot_file.parent

@@ -57,7 +57,7 @@ class Gripper:
         return sorted(widths) in (widths, widths[::-1]) and len({*widths}) == _SAMPLES
 
     def position(self, kinematics: ForwardKinematics, width: float) -> float:
-        """Return the position of the joint at which the gripper has a width.
+        """Return the position of the joint at which the gripper has a width [rad] or [m].
 
         Args:
             kinematics: Forward kinematics of the robot.

@@ -52,4 +52,4 @@ class Guards:
         """Effect of a fault on the arm, as a sentence of its message."""
         if self.on_fault == TORQUE_OFF:
             return "The torque goes off (on_fault), and gravity moves the arm: support it"
-        return "The servos hold where they are measured. Gravity moves a joint whose servo lets go"
+        return "The servos hold their measured positions. Gravity moves a joint whose servo lets go"

@@ -28,7 +28,7 @@ from .guards import OPENING, Guards
 from .meshes import find_mesh
 from .urdf import Urdf
 
-# Margin at the ends of a calibrated range, so that the joint does not push [deg].
+# Margin at the ends of a calibrated range, so that the joint does not push against its stop [deg].
 RANGE_MARGIN = 1.0
 
 TURNS = ("roll", "pitch", "yaw")  # names of the turns of a tool

@@ -35,7 +35,7 @@ def load_robot(
     """Load a robot.
 
     Args:
-        path: The robot file, or the name of a robot that ships. Default: the Arduinobot.
+        path: The robot file, or the name of a shipped robot. Default: the Arduinobot.
         urdf: The URDF file. Default: the one that the robot file names.
         calibrated: False to ignore the calibration file. Default: True.
 
@@ -110,7 +110,7 @@ def load_robot(
 
 
 def shipped_robots() -> dict[str, Path]:
-    """Return the robot files that ship, by the name of the robot."""
+    """Return the shipped robot files, by the name of the robot."""
     files = filter(is_robot_file, ROBOTS.glob("*/*.toml"))
     return {file.stem: file for file in sorted(files)}
 
@@ -161,7 +161,7 @@ def _board(root: TomlTable, driver: Driver | NullDriver) -> tuple[Serial, Firmwa
     if firmware.most_rate:
         least, most = firmware.rate, firmware.most_rate
         rate = table.number("rate_hz", least=least, most=most, default=least)
-        step = int(firmware.max_step * least / rate)  # the same speed of the servos
+        step = int(firmware.max_step * least / rate)  # keeps the speed of the servos
         firmware = replace(firmware, rate=rate, max_step=step)
     if firmware.lost_answers and "lost_answers" in table:
         lost = table.integer("lost_answers", range(1, MAX_LOST + 1))

@@ -29,7 +29,7 @@ _Mistake = tuple[Element | None, str]  # the wrong element, or None for the file
 
 MAX_BYTES = 2**20
 _XACRO = re.compile(r"\{[^}]*xacro\}")  # namespace of its elements
-_EXPRESSION = re.compile(r"\$[{(]")  # of xacro, in a value
+_EXPRESSION = re.compile(r"\$[{(]")  # an expression of xacro in a value
 _MOVING = ("revolute", "continuous", "prismatic")
 # Form of a number in XML. float() accepts more.
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?", re.ASCII)
@@ -363,7 +363,7 @@ def _tree_mistakes(joints: list[Element], bodies: list[Element]) -> Iterator[_Mi
                     why += f'; name one of them, or add <link name="{link}"/>'
                 yield joint, why
         if child in above:
-            what = f"its child {child} is the child of {above[child]} already"
+            what = f"its child {child} is already the child of {above[child]}"
             yield joint, f"joint {name}: {what}; let one of the two move another link"
         above[child] = name
     yield from _loop_mistakes(elements, ends, above)

@@ -86,7 +86,7 @@ def _groups(recording: Recording) -> Iterator[list[Message]]:
 
 
 def _place(name: str) -> tuple[type, int] | None:
-    """Return a topic's record type and row in the table; None if it is not checked."""
+    """Return the record type of a topic, and its row in the table; None for an unchecked topic."""
     if name.startswith(_PLAN):
         return Plan, _PLANS[name.count("/") > 2]
     return None if name == _UNCHECKED else _ROWS.get(name)

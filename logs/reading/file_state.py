@@ -20,7 +20,7 @@ from .recording import Recording
 from .tolerant_reader import TolerantReader
 
 _HEAD = 64  # number of first bytes, with the profile and the name of the library
-_LIBRARY = b"armtree"  # begin of the library's name in files of armtree
+_LIBRARY = b"armtree"  # beginning of the library's name in files of armtree
 _NAME = "*T*Z-*.mcap"  # names from `recording_path`
 _FOOTER_OPCODE, _FOOTER_CONTENT = 0x02, 20
 _FOOTER = struct.Struct(f"<BQ{_FOOTER_CONTENT}s8s")  # followed by the magic

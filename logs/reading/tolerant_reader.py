@@ -70,7 +70,7 @@ class TolerantReader:
                 return
             finally:
                 if stream.tell() >= end:
-                    self.valid = end  # with the checksum of the last piece
+                    self.valid = end  # includes the checksum of the last piece
 
     @property
     def torn(self) -> int:

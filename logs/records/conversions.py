@@ -153,7 +153,7 @@ def percentage(feedback: Feedback, stamp: Stamp) -> Message:
 
 
 def transition_event(change: Transition, stamp: Stamp) -> Message:
-    """Return a transition with ROS 2's numbers as TransitionEvent; number 0 if nothing changed."""
+    """Return a transition as TransitionEvent. Its number is 0 if nothing changed."""
     return Message(
         timestamp=stamp.time_ns,
         transition=Message(

@@ -112,7 +112,7 @@ class Transition:
     Attributes:
         time: Time of the transition [s].
         label: The transition, such as `activate` or `transition_success`. Empty if nothing changed:
-            both states are then the state at the begin of the recording.
+            both states are then the state at the start of the recording.
         start: The state before.
         goal: The state after.
     """

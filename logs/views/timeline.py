@@ -27,7 +27,7 @@ _CANCEL = "cancel"  # first word of the phases of a cancel
 _PAUSED = "paused"  # name of a phase and of its mark
 _DEEPEST = 200  # largest depth of a node; a deeper tree is of another program
 
-_Change = tuple[float, str]  # begin of a state [s], and the state
+_Change = tuple[float, str]  # start of a state [s], and the state
 _Curves = dict[str, list[tuple[float, float]]]  # times [s] and positions [rad] by joint
 
 
@@ -292,7 +292,7 @@ class _Events:
         return [*marks, *self.pauses, *((time, "fault") for time in self.faults)]
 
     def _cancel(self) -> float | None:
-        """Return the begin of the cancel: of phase `canceling`, or of its first visible effect."""
+        """Return the time of the cancel [s]: of phase `canceling`, or else of its first effect."""
         if self.canceled is not None or self.result is None or self.result.state != "CANCELED":
             return self.canceled
         effects = [sent.time for sent in self.sent if sent.hold]

@@ -90,7 +90,7 @@ def part_of(recording: Path) -> Path:
 
 
 def _keep(recording: Path) -> Path:
-    """Give a damaged recording a second name, which stays after the first is replaced."""
+    """Link a damaged recording to another name, because a finished one will replace it."""
     for number in count(1):
         kept = recording.with_name(f"{recording.name}.damaged{'' if number == 1 else number}")
         with suppress(FileExistsError):

@@ -33,7 +33,7 @@ class Rule:
 
 
 def prune(folder: Path, rule: Rule, utc: float, dry_run: bool = False) -> Iterator[Path]:
-    """Delete the recordings that a rule allows to delete, oldest first, with their pictures.
+    """Delete the recordings that a rule selects, oldest first, with their pictures.
 
     It never deletes a recording that is pinned, unfinished, being written or of another program. A
     copy of a damaged recording counts as a recording.
@@ -91,11 +91,11 @@ def restore(recording: Path) -> None:
 
 
 def purge(folder: Path, before: float) -> None:
-    """Delete for good the recordings that `delete` marked in a folder, with their pictures.
+    """Remove the files of deleted recordings in a folder, and their pictures. See `delete`.
 
     Args:
         folder: Folder with recordings.
-        before: Keep recordings that were marked at or after this time [s since 1970].
+        before: Remove only recordings that were deleted before this time [s since 1970].
     """
     for path in folder.glob(f"*.mcap{_DELETED}"):
         with suppress(OSError):

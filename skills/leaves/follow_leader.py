@@ -46,7 +46,7 @@ class FollowLeader(Skill):
     _checks: tuple[PlannerJob, ...] = ()  # checks of the next step, or of each joint alone
     _contact = ""  # cause of a blocked step, while `_checks` are of each joint alone
     _blocked = False
-    _origin: tuple[float, ...] | None  # where it began to follow: contacts there may not deepen
+    _origin: tuple[float, ...] | None  # pose when it began to follow: contacts may not deepen
     _start: tuple[float, ...]
     _schedule: Schedule
     _generation: int

@@ -55,7 +55,7 @@ Pairs = frozenset[frozenset[str]]  # pairs of links
 
 _NONE: Pairs = frozenset()
 _MAX_SCENES = 4  # number of scenes kept in memory
-_SAMPLES = 200  # of a plan in which contacts are checked again
+_SAMPLES = 200  # number of samples of a plan at which contacts are checked again
 _SAME_POINT = 1e-9  # waypoints closer than this are merged [rad]
 
 
@@ -78,7 +78,7 @@ class Planner:
         self._model, self._meshes = RobotModel(robot), BodyMeshes()
         self._endpoints = EndpointChecker(robot)
         self._groups = {name: JointGroup(robot, name) for name in robot.groups}
-        self._contacts: StartContacts | None = None  # the last ones
+        self._contacts: StartContacts | None = None  # contacts of the last motion
         self._checkers = dict[tuple[World, Pairs], CollisionChecker]()
         self.checker = self._checker(EMPTY)
 

@@ -161,6 +161,7 @@ def test_one_command_verifies_the_recordings_of_a_row(tmp_path: Path) -> None:
     ]
 
 
+@pytest.mark.slow
 def test_a_machine_is_measured() -> None:
     busy = measured()
     assert busy.delay > 0.0

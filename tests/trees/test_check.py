@@ -301,7 +301,7 @@ def test_a_pose_of_ones_own(robot: Robot, tmp_path: Path) -> None:
     poses = tmp_path / "poses.yaml"
     poses.write_text("poses: {left: {joint_1: 40 deg}, open: {joint_4: -0.2}}\n")
     (mistake,) = check(robot, None, [poses]).mistakes
-    assert "pose open ships" in mistake.message
+    assert "pose open is shipped" in mistake.message
     poses.write_text(poses.read_text() + "replaces: [open]\n")
     task = tree("{subtree: move_joints, with: {joints: left}}")
     assert found(robot, tmp_path, task) == []

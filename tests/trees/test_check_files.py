@@ -57,7 +57,7 @@ OWN_FILES = [
     (
         "poses.yaml",
         "poses: {opne: {joint_4: 0}}\nreplaces: [opne]\n",
-        "2:1 replaces: no pose opne ships; there are closed, folded, open, right, upright; "
+        "2:1 replaces: pose opne is not shipped; there are closed, folded, open, right, upright; "
         "did you mean open?",
     ),
     (
@@ -73,13 +73,13 @@ OWN_FILES = [
     (
         "3_x.yaml",
         HEAD + "replaces: pik\ntree: Succeed\n",
-        "4:1 replaces: no task 3 ships; there are 0_home, 1_pick, 2_rest",
+        "4:1 replaces: task 3 is not shipped; there are 0_home, 1_pick, 2_rest",
     ),
     (
         "look.yaml",
         "subtree: look\ndescription: x\nports: {}\nreplaces: look\ntree: Succeed\n",
-        "4:1 replaces: no subtree look ships; there are follow, follow_leader, go, move_joints, "
-        "move_mixed and 5 more",
+        "4:1 replaces: subtree look is not shipped; there are follow, follow_leader, go, "
+        "move_joints, move_mixed and 5 more",
     ),
     (
         "poses.yaml",

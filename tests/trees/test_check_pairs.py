@@ -172,7 +172,7 @@ def test_around(robot: Robot, tmp_path: Path, alone: dict[str, set[str]]) -> Non
 HEADS = [
     ("speed: 1\n", "unknown key speed"),
     ("grammar: 2\n", "grammar: 2 is not supported"),
-    ("replaces: pik\n", "replaces: no task"),
+    ("replaces: pik\n", "replaces: task"),
     ("parameters: {a: {type: angle, default: 5 s}}\n", "the default of a: '5 s': no unit s"),
     ("parameters: {a: {type: angle, min: 2, max: 1}}\n", "max is less than min"),
     ("parameters: {a: {typ: angle}}\n", "did you mean type?"),
@@ -382,7 +382,7 @@ def test_the_files_that_a_task_needs(robot: Robot, tmp_path: Path) -> None:
             f"far: joint_1 = {far}",
             f"far: joint_2 = {far}",
             "no pose closed; ",
-            "pose open ships; to replace it, add it to replaces",
+            "pose open is shipped; to replace it, add it to replaces",
         },
         "look.yaml": {
             "the key description is missing",

@@ -237,7 +237,7 @@ SLIPS_OF_NODES = [
     ("retry:\n        subtree: open_gripper", "10:7 retry needs attempts: largest number of "
      "attempts; write it below, in the column of retry", "      attempts: 3"),
     ("repeat:\n        times: 3\n        subtree: open_gripper",
-     "11:9 times belongs to repeat: write it in its column",
+     "11:9 times belongs to repeat: write it beside repeat",
      "    - repeat:\n        subtree: open_gripper\n      times: 3"),
     ("sequence:", "10:7 sequence needs a list of nodes: begin each with a `-`, below sequence:",
      ""),

@@ -130,12 +130,12 @@ class CollisionChecks:
         return found
 
     def _first_worlds(self) -> dict[World, Place]:
-        """Return the worlds in which tasks first move the arm, and the places of these motions.
+        """Return the world of each motion from the start pose, with the place of the motion.
 
-        Also adds notes about points out of reach from the start pose, moves by a distance from
-        there that leave the limits of a joint, and timeouts shorter than their motions. A timeout
-        that is too short from any start is a mistake. Its message has the planned time from the
-        start pose.
+        Also adds notes for tasks that begin in the start pose: points out of reach, moves by a
+        distance that leave the limits of a joint, and timeouts shorter than their motions. A
+        timeout that is too short from any pose is a mistake. Its message has the planned time from
+        the start pose.
         """
         worlds, boot = dict[World, Place](), self.robot.boot_pose
         for tree in self.tasks:

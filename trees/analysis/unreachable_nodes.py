@@ -176,7 +176,7 @@ class _Node:
 
     @property
     def limit(self) -> str:
-        """The option without which it runs without end; empty if there is none."""
+        """The option that limits its rounds, such as `times`; empty if it has none."""
         return self.control.kind.limit if self.control else ""
 
     def is_endless(self) -> bool:
@@ -202,7 +202,7 @@ class _Node:
 
     def report(self, message: str, instead: Correction | None, option: str = "") -> None:
         """Report a mistake with the correct lines."""
-        if not self.times.start:  # the other case was reported with the least times
+        if not self.times.start:  # with planned times, it was reported before
             self.tree.mistakes.found.append(Mistake(self._place_of(option), message, instead))
 
     def too_slow(self, option: str, shortest: float) -> None:

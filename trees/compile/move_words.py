@@ -1,4 +1,4 @@
-"""Joint positions in other words: those of `armtree move`, and names of joints beside angles."""
+"""Other forms of joint positions: words of `armtree move`, and joints beside their angles."""
 
 import math
 import re
@@ -26,9 +26,9 @@ def is_width(text: str) -> bool:
 
 
 def as_positions(value: Value, robot: Robot) -> Value:
-    """Return joint positions in other words as a mapping. Other values are unchanged.
+    """Return joint positions in another form as a mapping. Other values are unchanged.
 
-    Other words are those of `armtree move`, a list of angles, and names of joints in one value
+    Other forms are the words of `armtree move`, a list of angles, and names of joints in one value
     beside the angles in another one.
     """
     if isinstance(value, Located) and len(nested(value)) == 2:

@@ -123,7 +123,7 @@ class ControlNodeKind(ABC):
         only_asks: True if its child must be a condition.
         may_halt: True if it may halt running children.
         timed: True if it fails when its child takes too long.
-        limit: Option without which it may run without end; empty if it has none.
+        limit: Option that limits its rounds, such as `times`; empty if it has none.
         lasting: True if it may take several ticks even if its children end at once.
         order: Order of its children.
         node: Class of its nodes. The arguments are name, child, context, and the options by name;
@@ -131,8 +131,8 @@ class ControlNodeKind(ABC):
         groot_tag: Name of the equivalent node of BehaviorTree.CPP, if that node has no ports.
         synonyms: Names of it in other languages and libraries, for corrections.
         other_options: Its options by their names in other libraries.
-        keywords: Keywords of programming languages that it stands for, but that take other nodes
-            below them; each with the message for it.
+        keywords: Keywords of programming languages that mean this kind but take other nodes below
+            them, each with its message.
     """
 
     name: ClassVar[str]
@@ -179,7 +179,7 @@ class ControlNodeKind(ABC):
         return self.order
 
     def rounds(self, options: Options) -> int | None:
-        """Return the number of successes of its children in its own success; None: any number."""
+        """Return how often each child succeeds if the node succeeds; None for any number."""
         return 1
 
     def lasts(self, options: Options) -> bool:

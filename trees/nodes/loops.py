@@ -176,6 +176,7 @@ class RepeatKind(ControlNodeKind):
     node = Repeat
 
     def rounds(self, options: Options) -> int | None:
+        """Return the number of rounds; None for no limit. Its child succeeds in each round."""
         times: int | None = options["times"]
         return times
 

@@ -97,7 +97,7 @@ class ParallelKind(ControlNodeKind):
         return Flow.ALTERNATIVES if options["policy"] == "any" else Flow.PARALLEL
 
     def check(self, node: Node) -> None:
-        """Report several children that move the arm."""
+        """Report a mistake if several children move the arm."""
         moves = [child.moves() for child in node.below()]
         if sum(moves) > 1:
             why = "only one node of a parallel may move the arm; put its moves into a sequence"

@@ -46,7 +46,7 @@ def node_instead(value: Located, in_turn: str) -> Correction | None:
 
 
 def apart(keys: Mapping[str, Located]) -> list[dict[str, Located]]:
-    """Return the nodes that share a mapping. `with` is of the subtree or task."""
+    """Split a mapping that has several nodes. `with` belongs to the subtree or task."""
     nodes = list[dict[str, Located]]()
     for key, each in keys.items():
         files = [node for node in nodes if node.keys() & FILES.keys()]
@@ -60,7 +60,7 @@ def apart(keys: Mapping[str, Located]) -> list[dict[str, Located]]:
 
 
 def twice(value: Located, in_turn: str) -> tuple[Place, Correction | None] | None:
-    """Return the place of a second node with the key of the first, and the lines of a list.
+    """Return the place of a second node with the same key, and all nodes as lines of a list.
 
     The result is None if the mapping has no such node, or if it is an item of a list: then a `-` is
     missing.

@@ -67,7 +67,7 @@ class Located:
     """A value and its place.
 
     Attributes:
-        place: Begin of the value.
+        place: Start of the value.
         value: A scalar, a list of Located, or a dict of Located by text key.
         label: Place of its key; equal to `place` if it has no key.
         use: The use `$name` of a parameter with this value, as a StandIn of the declared type. None
@@ -127,7 +127,7 @@ class NotYaml(FileError):
     Args:
         known: Mistakes before the place.
         place: Place at which the parser fails.
-        opened: Begin of the value in which it fails.
+        opened: Start of the value in which it fails.
     """
 
     def __init__(self, known: Sequence[Mistake], place: Place, opened: Place | None = None) -> None:

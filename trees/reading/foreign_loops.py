@@ -52,7 +52,7 @@ def read_loop(place: Place, given: Mapping[str, Located]) -> ForeignLoop | None:
     """Return a loop of another language, or None if the keys of a node are not one.
 
     Args:
-        place: Begin of the node.
+        place: Start of the node.
         given: Values of the node.
     """
     given = _with_do(given)
@@ -103,7 +103,7 @@ def _read(
     rest = {key: each for key, each in rest.items() if key not in options}
     if in_one:
         child, why = rest.pop(_DO), f"there is no {word}{did_you_mean(kind.name)}"
-        own = f"{word} has one node below it, such as {in_turn()}, and its options in its column"
+        own = f"{word} has one node below it, such as {in_turn()}, and its options beside it"
         why = {kind.condition: kind.keywords.get(_DO, ""), kind.name: own}.get(word, why)
     elif (_DO in rest and not kind.only_asks) or sum(map(begins_node, rest)) == 1:
         why, option = _beside_child(word, head, kind, {*given})
@@ -181,7 +181,7 @@ def _with_value(value: Located, name: str, meant: Located) -> Located:
 def _beside_child(
     word: str, head: Located, kind: "ControlNodeKind", given: Collection[str]
 ) -> tuple[str, dict[str, Located]]:
-    """Return what a value means that has the child of its node beside it.
+    """Return the meaning of the value of a control node whose child is at another key.
 
     Args:
         word: Key of the value.

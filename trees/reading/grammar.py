@@ -34,7 +34,7 @@ _SUBTREE_KEYS = ("subtree", "description", "ports", "replaces", "grammar", "tree
 _POSES_KEYS = ("poses", "replaces", "grammar")
 _OPTIONAL = ("parameters", "ports", "replaces", "retry", "grammar")
 _DECLARED_KEYS = ("type", "default", "min", "max", "choices", "description")
-_OTHER_KEYS = {"value": "default", "enum": "choices", "options": "choices"}  # of other programs
+_OTHER_KEYS = {"value": "default", "enum": "choices", "options": "choices"}  # other programs' keys
 # Types by the names that programming languages and people use.
 _OTHER_TYPES = {
     **dict.fromkeys(("float", "double", "real"), "number"),

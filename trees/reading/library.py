@@ -63,7 +63,7 @@ def with_robot(folder: Path, robot: str) -> tuple[Path, ...]:
 
 
 def shipped_folders(robot: str) -> tuple[Path, ...]:
-    """Return the folders of the files that ship for a robot."""
+    """Return the folders of the shipped files for a robot."""
     return with_robot(Path(str(resources.files("trees"))) / "tasks", robot)
 
 
@@ -113,12 +113,12 @@ class Library:
     """Tasks, subtrees and poses. Each file is read when it is needed, and parsed once.
 
     Args:
-        folder: Folder of the user's files; None for only those that ship.
+        folder: Folder of the user's files; None for only the shipped ones.
         robot: Name of the robot. Default: the shipped robot.
         read: Callback that returns the text of a file.
 
     Attributes:
-        shipped: Folders of the files that ship.
+        shipped: Folders of the shipped files.
         folder: Folder of the user's files, or None.
         folders: All folders.
         robot: Name of the robot.
@@ -399,7 +399,7 @@ class Library:
         return file, [*mistakes, *named, *self._replacing(file, source)]
 
     def _replacing(self, file: TaskFile, source: int | str) -> list[Mistake]:
-        """Return a mistake if a file replaces a file that does not ship."""
+        """Return a mistake if a file replaces a file that is not shipped."""
         if not file.replaces or file.path in self._replaced:
             return []
         names = _SUBTREE if isinstance(source, str) else _TASK
@@ -407,7 +407,7 @@ class Library:
         there = there_are(
             file.replaces, [each.stem for each in shipped if names.fullmatch(each.name)]
         )
-        message = f"replaces: no {_what(source)} {source} ships; {there}"
+        message = f"replaces: {_what(source)} {source} is not shipped; {there}"
         return [Mistake(_top(file.path, file.text, "replaces"), message)]
 
     def poses(self) -> tuple[Mapping[str, Mapping[str, float]], Mapping[str, str]]:
@@ -445,11 +445,11 @@ def _replaced_poses(file: PosesFile, shipped: Mapping[str, object]) -> list[Mist
     ships = [name for name in file.poses if name in shipped and name not in file.replaces]
     line = f"replaces: [{', '.join(ships)}]"
     right = None if file.replaces else Correction(line, file.text.count("\n") + 1, 0)
-    why = "ships; to replace it, add it to replaces"
+    why = "is shipped; to replace it, add it to replaces"
     mistakes = [Mistake(file.labels[name].label, f"pose {name} {why}", right) for name in ships]
     place = _top(file.path, file.text, "replaces")
     mistakes += [
-        Mistake(place, f"replaces: no pose {name} ships; {there_are(name, shipped)}")
+        Mistake(place, f"replaces: pose {name} is not shipped; {there_are(name, shipped)}")
         for name in file.replaces
         if name and name not in shipped
     ]

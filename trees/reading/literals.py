@@ -113,9 +113,9 @@ def in_smaller_units(value: object, unit: str) -> Iterator[tuple[str, float]]:
 
 
 def in_unit_of_default(bound: Located, default: Located | None, key: str) -> str:
-    """Return a bound without a unit in the unit of the default; "" if it may be without.
+    """Return a bound without a unit in the unit of the default; "" if it needs no unit.
 
-    It may not if only its unit excludes the default, or if it is more than a turn.
+    It needs one if the default is within the bound only in that unit, or if it is more than a turn.
     """
     found = _QUANTITY.fullmatch(str(default.value)) if default else None
     if not found or not is_bare(bound.value) or not (kind := measured(default or bound)):

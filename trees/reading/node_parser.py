@@ -46,7 +46,7 @@ _WITH = ("args", "arguments", "params", "parameters", "ports", "inputs", "input"
 
 
 def joined(words: str) -> str:
-    """Return the name with these words, such as `my_task`; empty if they make no name."""
+    """Return a name made of words, such as `my_task`; empty if they make no name."""
     name = "_".join(words.split())
     return name if NAME.fullmatch(name) else ""
 
@@ -188,7 +188,7 @@ class NodeParser:
         return isinstance(value, str) and NAME.fullmatch(value) is not None
 
     def name(self, value: Located, what: str, named: str = "") -> str:
-        """Return a name; for another value, what the name of the file gives, or a likely name."""
+        """Return a name. If the value is none, return that in the file's name, or a likely one."""
         if self.is_name(value.value):
             return value.value
         why = f"{what}: {value} is not a name (a letter, then letters, digits, _ or -)"
@@ -205,7 +205,7 @@ class NodeParser:
         return near
 
     def number(self, value: Located, what: str, named: str = "") -> int:
-        """Return a task number; for another value, what the name of the file gives, or 0."""
+        """Return a task number. If the value is none, return that in the file's name, or 0."""
         if is_number(value.value):
             return value.value
         text = value.value if isinstance(value.value, str) else ""
@@ -324,7 +324,7 @@ class NodeParser:
             elif row > 0 and len(key_block(value.label)) == 1:
                 kept = [*lines[:row], *lines[row + 1 :]]
                 right = replaced_block(place, [*kept, f"{key}: {value.as_yaml()}"])
-            self._wrong(value.label, f"{key} belongs to {kind}: write it in its column", right)
+            self._wrong(value.label, f"{key} belongs to {kind}: write it beside {kind}", right)
         return made if lost else keys
 
     def _children(self, kind: str, inner: Located) -> tuple[TreeNode, ...]:

@@ -45,7 +45,7 @@ def _with_content(lines: tuple[str, ...], row: int, text: str) -> tuple[str, ...
 
 
 def edits_near(lines: tuple[str, ...], spots: Sequence[Spot], is_yaml: bool) -> Iterator[Edit]:
-    """Return the edits that undo a slip near some mistakes of a text.
+    """Yield edits that may undo a slip of the layout near the mistakes of a text.
 
     Args:
         lines: The text.

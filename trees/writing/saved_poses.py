@@ -81,7 +81,7 @@ def create_poses(
     """Create the poses file of a robot that has none.
 
     Args:
-        robot: The robot. No robot of this name ships, so there are no other poses.
+        robot: The robot. No shipped robot has its name, so there are no other poses.
         folder: Folder of the user's files. It is created if it does not exist.
         poses: Joint positions by joint name [rad], [m], by the name of the pose.
         comment: Lines for the head of the file.

@@ -56,7 +56,7 @@ class TaughtTask:
         name: Name of the task.
 
     Attributes:
-        path: The file. It exists while there is a step.
+        path: The file. It exists if there is at least one step.
         steps: The steps.
 
     Raises:

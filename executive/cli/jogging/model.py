@@ -19,7 +19,7 @@ _MESSAGE = 4  # a message has at most 1 / this number of the lines
 _LISTED = 34  # smallest number of columns of the axes beside a list
 _NAMED = 16  # smallest number of columns of a name
 _STEP = 24  # smallest number of columns of a step
-_ABOUT = "Of the keys pressed during a move, the last one waits; letters act when the arm is still"
+_ABOUT = "During a move, the last pressed key waits; letters act when the arm is still"
 _HARD = "\xa0"  # no-break space
 
 
@@ -122,7 +122,7 @@ class KeyCommand:
     Attributes:
         title: Action of the command, for the line of keys, such as `save pose`; empty to hide it.
         prompt: Question shown before the user types a text; empty if the command takes none.
-        about: What the command does, for the help of ?.
+        about: Effect of the command, for the help of `?`.
     """
 
     title: str = ""
@@ -217,7 +217,7 @@ class Jog:
         return state._explained(key), None
 
     def _stopped(self) -> "Jog":
-        """Return the state after a space. A prompt stays, because its text moves no arm.
+        """Return the state after a space. A prompt stays open, because it moves no arm.
 
         If the arm is still, the space belongs to the text.
         """
@@ -227,7 +227,7 @@ class Jog:
         # The end of the move confirms the stop.
         said = f"{'Stopping' if self.moving else 'Stopped'}{self._undone}"
         if self.prompt:
-            return stopped.said(f"{said}; the space is not in the text; Escape leaves")
+            return stopped.said(f"{said}; the space was not typed; Escape leaves")
         return stopped._closed().said(said)
 
     def _explained(self, key: str) -> "Jog":
@@ -315,7 +315,7 @@ class Jog:
     def _listed(self, where: Where, most: int) -> Iterator[str]:
         longest = max(_NAMED, *(len(each.name) for each in self.axes))
         counted = len(self.axes) > most > 2
-        most -= counted  # for the line that counts the others
+        most -= counted  # room for the line with the number of hidden steps
         first = min(max(self.selected - most // 2, 0), max(len(self.axes) - most, 0))
         for number, axis in enumerate(self.axes[first : first + most], first):
             mark = ">" if number == self.selected else " "
@@ -407,7 +407,7 @@ class Jog:
 
     def _call(self, key: str) -> tuple["Jog", Action | None]:
         if self.calling:
-            return self.said(f"First comes {self._called}", failed=True), None
+            return self.said(f"{self._called} comes first", failed=True), None
         if self.commands[key].prompt:
             return replace(self, prompt=key, typed="").said(""), None
         return self._when_still(Call(key, ""))

@@ -125,7 +125,7 @@ class JogScreen(KeyScreen):
             self._post(error)
 
     def _follow(self) -> None:
-        """Read the position of the arm after every change. Changes during a read cause one more."""
+        """Read the position of the arm after every change. Changes during a read cause another."""
         while self._changed.wait() and not self._ended.is_set():
             self._changed.clear()
             try:
@@ -134,7 +134,7 @@ class JogScreen(KeyScreen):
                 self._post(error)
 
     def _look(self, event: Callable[[Where], _Event]) -> None:
-        """Post the position of the arm. Two threads read it; the later value is posted later."""
+        """Read and post the position of the arm. Values are posted in the order of the readings."""
         with self._looking:
             self._post(event(self._arm.where()))
 

@@ -19,7 +19,7 @@ SETTINGS_SECTION = "Settings, also in armtree.toml, or ARMTREE_SEED and so on"
 
 
 class SettingOption(click.Option):
-    """The option of a setting. Without it and its environment variable, the files count."""
+    """The option of a setting. Without it and its environment variable, the files decide."""
 
     section = SETTINGS_SECTION
 

@@ -49,7 +49,7 @@ def print_error(error: Exception) -> int:
     known = error
     if limit := host_limit(error):
         known = limit
-    elif isinstance(error, FileNotFoundError) and not error.filename:  # of os.getcwd()
+    elif isinstance(error, FileNotFoundError) and not error.filename:  # raised by os.getcwd()
         known = FileUnusable("the working folder was deleted; change to another one")
     elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
         file = f"{error.filename}: " if error.filename else ""

@@ -18,7 +18,7 @@ from .process import end_process
 T = TypeVar("T")
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-STOP = signal.SIGUSR1  # of `armtree stop`; cancels the run, and never ends the process
+STOP = signal.SIGUSR1  # sent by `armtree stop`; cancels the run, and never ends the process
 CANCELING = "Canceling: the arm stops. Another Ctrl-C ends this command at once."
 _END = 0  # not the number of a signal
 # GNU `timeout` and some shells send two signals at once, a person does not [s].

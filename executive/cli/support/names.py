@@ -183,7 +183,7 @@ def complete_port(_context: click.Context, _word: str) -> Iterator[tuple[str, st
 def complete_robot(
     context: click.Context, parameter: click.Parameter, word: str
 ) -> list[CompletionItem]:
-    """Complete the name of a robot that ships, or a path."""
+    """Complete the name of a shipped robot, or a path."""
     return [CompletionItem(word, type="file"), *_shipped_robots(context, parameter, word)]
 
 

@@ -59,7 +59,7 @@ def stoppable(report: Callable[[str], None]) -> Iterator[None]:
     """Let `armtree stop` find the current command during this context, inside of `Interrupts`.
 
     Args:
-        report: Callback for a line if this is not possible.
+        report: Callback for a message if `armtree stop` cannot find the command.
     """
     with ExitStack() as stack:
         try:
@@ -93,13 +93,13 @@ def own_runs() -> Iterator[list[OwnRun]]:
 
 
 def _find(file: Path, stack: ExitStack) -> OwnRun | None:
-    """Return the command of a file, or None if it has ended."""
+    """Return the command of a file, or None if the command has ended."""
     pid = file.stem.removeprefix("run-")
     if not pid.isdecimal():
         return None
     try:
         stream = stack.enter_context(file.open())
-        if not _locked(stream):  # of a killed command
+        if not _locked(stream):  # the command was killed
             file.unlink(missing_ok=True)
             return None
         process = os.pidfd_open(int(pid))
@@ -111,7 +111,7 @@ def _find(file: Path, stack: ExitStack) -> OwnRun | None:
 
 
 def _locked(stream: TextIO) -> bool:
-    """Return True if a command holds the lock of its file. Other callers do not count."""
+    """Return True if a command holds the lock of its file. Locks of this function do not count."""
     try:
         fcntl.lockf(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except (BlockingIOError, PermissionError):  # lockf(3) raises one or the other
@@ -122,10 +122,10 @@ def _locked(stream: TextIO) -> bool:
 def running_server() -> str | None:
     """Return the URL of the only running server of this user, or None if none runs.
 
-    Of several, it is the one at the TCP port that the user has set.
+    If several run, it is the one at the TCP port that the user has set.
 
     Raises:
-        Refusal: Several servers run.
+        Refusal: Several servers run, and none is at that port.
     """
     found = [info.url for info in token_file.running()]
     if len(found) > 1:

@@ -27,7 +27,7 @@ _FORBIDDEN = {"_exit": _END, "execv": _END, "execve": _END, "chdir": _LEAVE, "fc
 
 @atexit.register  # the command line imports this file first, so Python calls this function last
 def _ignore_signals() -> None:
-    """Keep the exit status. Python removes its handlers next; a signal would then kill it."""
+    """Ignore signals: Python removes its handlers next, and a signal would change the status."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
 

@@ -109,14 +109,14 @@ def execute(
 
 
 def _start_line(executive: Executive) -> str:
-    """Return a line with the pose in which a move starts, because the last move is forgotten."""
+    """Return a line with the start pose of a move, and a way to keep the pose between moves."""
     robot = executive.robot
     pose = robot.words(robot.by_joint(executive.start_pose.find()))
     return f"Starts at {pose}; `armtree serve --activate` keeps the pose between moves"
 
 
 def _show(view: View, start: list[str], verbose: bool, event: Event) -> None:
-    """Show an event. A goal that was not refused first shows the lines about the start.
+    """Show an event. Before the first accepted goal, show the lines in `start`.
 
     A warning becomes a line, unless the log is printed.
     """
@@ -136,7 +136,7 @@ def _report(view: View, executive: Executive, settings: Sequence[str], outcome: 
 
 
 def without_server(outcome: Outcome, again: str = "run again") -> Outcome:
-    """Return an outcome with other words for the steps that only an arm of a server has."""
+    """Return an outcome with `again` in its hint instead of the request to activate the arm."""
     if not (cause := outcome.cause):
         return outcome
     hint = cause.hint.replace(ACTIVATE_AGAIN, again)

@@ -177,7 +177,7 @@ def _watch(event: logs.Record | QuestionStatus, view: View) -> None:
 def _cancel(
     client: Client, goal_id: str, view: View, sent: threading.Event, ended: threading.Event
 ) -> None:
-    """Cancel a goal as soon as the server answers. Show it if it does not answer soon.
+    """Cancel a goal as soon as the server answers. Show a message if it does not answer soon.
 
     Args:
         client: Client of the server.
@@ -204,7 +204,7 @@ def _cancel(
 
 @contextmanager
 def _silence_shown(client: Client, view: View) -> Iterator[None]:
-    """Show once, during this context, each time that the server stops answering."""
+    """During this context, show a message each time that the server stops answering."""
     ended = threading.Event()
 
     def check() -> None:

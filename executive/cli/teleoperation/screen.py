@@ -174,13 +174,13 @@ class TeleopScreen(KeyScreen):
         self._following = self._worker.submit(self._follow)
 
     def stop(self) -> None:
-        """End the following, or stop the move to the leader."""
+        """Stop following, or stop the move to the leader."""
         self._leader.following = False
         if self._view.phase is Phase.APPROACHES:
             self._arm.stop()
 
     def _follow(self) -> None:
-        """Move to the position of the leader, and follow it. Show the end of this."""
+        """Move to the position of the leader, and follow it. Show the outcome."""
         try:
             outcome = self._approach()
             if (outcome is None or outcome.code == OK) and self._leader.following:

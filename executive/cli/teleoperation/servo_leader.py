@@ -17,14 +17,14 @@ from skills import Blocked
 
 
 class HandGuidedArm:
-    """The leader of another arm. Its positions are measured. It is never commanded to move.
+    """The leader of another arm. It measures its positions, and receives no motions.
 
     Args:
         robot: The robot. Its board must be able to measure, and to switch its torque.
         link: Link to its board.
 
     Attributes:
-        following: False to end the following.
+        following: False to let the other arm stop following.
         blocked: Reason that the other arm does not follow; None if it follows.
 
     Raises:
@@ -36,7 +36,7 @@ class HandGuidedArm:
         robot.require(Ability.TORQUE)
         self.robot, self.following = robot, False
         self.blocked: Blocked | None = None
-        # A hand may move it beyond its limits. It holds where it is measured there, too.
+        # A person may move it beyond its limits. It must hold its position there, too.
         self._arm = Arm(_beyond_limits(robot), link, RealClock())
 
     def open(self) -> None:
@@ -80,7 +80,7 @@ class HandGuidedArm:
         return measured.position
 
     def positions(self) -> tuple[float, ...] | None:
-        """Return its measured positions [rad]; None ends the following. Raises as `where` does."""
+        """Return its measured positions [rad], or None to stop following. Raises like `where`."""
         return self.where() if self.following else None
 
     def show(self, blocked: Blocked | None) -> None:

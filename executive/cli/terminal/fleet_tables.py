@@ -34,7 +34,7 @@ def job_text(found: Job | JobRecord) -> str:
         return text
     text += f" ({result.duration:.2f} s, {plural(result.frames, 'frame')})"
     if found.late:
-        text += ", reported after it was given up"
+        text += ", reported after the arm was lost"
     if result.code != "ok":
         text += f"\n  {result.message} [{result.code}]"
         text += f"\n  -> {result.hint}" if result.hint else ""

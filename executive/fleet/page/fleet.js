@@ -1,6 +1,6 @@
 /* The arms of a fleet, read once a second. Texts of the fleet never become HTML. */
 
-const PERIOD = 1000; // ms
+const PERIOD = 1000; // time between two requests [ms]
 const GOOD = ["ready", "busy", "held", "inactive", "unconfigured"];
 
 const arms = /** @type {HTMLElement} */ (document.getElementById("arms"));
@@ -14,7 +14,7 @@ const summary = /** @type {HTMLElement} */ (document.getElementById("summary"));
  */
 
 /**
- * The page of an arm, or why there is no link to it.
+ * Return the URL of an arm's page, or the reason that there is no link to it.
  *
  * @param {Arm} arm
  * @param {string} here - name of the machine of this page

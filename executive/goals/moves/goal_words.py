@@ -53,8 +53,8 @@ class Words:
     Attributes:
         joints: Positions by joint [rad].
         changes: Distances from the start by joint, for joints without a position [rad].
-        point: x, y, z of the tool [m]; None if the words are others.
-        turn: Roll, pitch and yaw of the tool from the start [rad]; None if the words are others.
+        point: x, y, z of the tool [m]; None if the words give no point.
+        turn: Roll, pitch and yaw of the tool from the start [rad]; None if the words give none.
     """
 
     joints: Mapping[str, float]
@@ -368,7 +368,7 @@ def _no_pose(
         point = f"x y z, such as 0.1 0.1 8cm{' in quotes' * quoted}"
         why = f"{given} has {plural(len(numbers), 'number')}; the point for the tool has three"
         moves = " or ".join(["JOINT=VALUE", *(each for each in offers if each.startswith(WIDTH))])
-        return f"{why}, {point}. Or say what moves: {moves}"
+        return f"{why}, {point}. Or name what moves: {moves}"
     if (rest := [each for each in words if each != word]) and {*rest} <= poses.keys():
         return f"{word!r} is not a pose; leave it out: {' '.join(rest)}"
     others = ["JOINT=VALUE", "JOINT+=CHANGE", *offers]

@@ -70,7 +70,7 @@ class _Window:
     """A part of a recording.
 
     Attributes:
-        begin: Begin of the window [s].
+        begin: Start of the window [s].
         first: Number of its first chunk.
         nodes: State of the nodes before it, each with its last message, by path.
         newest: Newest message before it, by topic.
@@ -152,7 +152,7 @@ class Timeline:
 
     Attributes:
         goal: The goal, or None.
-        began: Start of the goal, or else begin of the recording [s].
+        began: Start of the goal, or of the recording if it has no goal [s].
         duration: Time from `began` to the last message [s].
     """
 
@@ -173,9 +173,9 @@ class Timeline:
         self._progress: _Thinned[logs.Record] = _Thinned(_PROGRESS, recording, self._record_of)
         self._lines = deque[_Place](maxlen=POINTS)
         self._plan_topics = set(recording.topics_of(logs.Plan))
-        self._plans: dict[str, _Place] = {}  # one of each topic
+        self._plans: dict[str, _Place] = {}  # one plan of each topic
         self.goal: logs.Goal | None = None
-        self._frames = 0  # that were sent
+        self._frames = 0  # number of sent frames
         self._read()
         self.began = self.goal.time if self.goal else self._time(recording.begin_ns)
         self.duration = max(0.0, self._time(recording.end_ns) - self.began)
@@ -184,7 +184,7 @@ class Timeline:
         self.steps = sorted({round(max(0.0, each - self.began), 6) for each in self.steps})
 
     def to_json(self) -> Json:
-        """Return the overview that a client needs first."""
+        """Return name, start and duration, and True if the recording has the end of the run."""
         return {
             "name": self._recording.path.name,
             "began_s": self.began,
@@ -199,7 +199,7 @@ class Timeline:
             at: The moment, from the beginning of the goal [s].
 
         Returns:
-            `from_s` and `to_s`, its begin and end; `state`, events that restore the state before
+            `from_s` and `to_s`, its start and end; `state`, events that restore the state before
             it; `events`, its events; `previous_s` and `next_s`, the last step of the run before it
             and the first one after it, or None. Times are from the beginning of the goal [s].
             `state` and `events` are iterators, which may also raise RecordingError.

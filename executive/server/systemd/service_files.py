@@ -53,8 +53,8 @@ def install_steps(armtree: Path, port: str, usb: str, robot: Path | None) -> Ite
     Args:
         armtree: The command `armtree`.
         port: Serial port, or `virtual`.
-        usb: Vendor and product id of the port's device, such as `2341:0043`, for a rule that gives
-            the port a persistent name; empty if it needs none.
+        usb: Vendor and product id of the port's device, such as `2341:0043`. A udev rule then gives
+            the port a persistent name. Empty for no rule.
         robot: Robot file, or the name of a shipped robot; None for the shipped Arduinobot.
     """
     try:

@@ -54,7 +54,7 @@ STOCK = ArduinoFirmware(
     words=_WORDS,
 )
 # The firmware of armtree stores a frame, and timers move the servos. A frame therefore needs only
-# its time on the line. The largest step is the same, because it bounds the motion after a stop.
+# its time on the line. `max_step` is that of the sketch, because it bounds the motion after a stop.
 ARMTREE = ArduinoFirmware(
     "armtree",
     rate=50.0,

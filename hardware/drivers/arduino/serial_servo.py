@@ -99,6 +99,6 @@ def _check_letters(table: TomlTable, joints: Sequence[Joint]) -> None:
         assert isinstance(joint.wire, WireField)
         letter = joint.wire.letter
         if letter in taken:
-            what = f"its letter {letter} is the letter of {taken[letter]} already"
+            what = f"its letter {letter} is already the letter of {taken[letter]}"
             table.fail(joint.name, what)
         taken[letter] = joint.name

@@ -89,7 +89,7 @@ class Feetech:
         for joint in joints:
             wire = _wire(joint)
             if wire.servo in taken:
-                what = f"its servo {wire.servo} is the servo of {taken[wire.servo]} already"
+                what = f"its servo {wire.servo} is already the servo of {taken[wire.servo]}"
                 table.fail(joint.name, what)
             taken[wire.servo] = joint.name
             if joint.unit != "rad":

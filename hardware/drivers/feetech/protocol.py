@@ -38,13 +38,13 @@ _HOST_LATE = 0.005  # a request later than this may show a busy host, not a sile
 _REMEMBERED = 0.99  # factor that the slowest cycle decays by in each cycle
 _IDLE_PERIOD = 0.2  # period of requests while nothing moves [s]
 _SETTLING = 1.0  # time after a frame in which the arm may move [s]
-_TIMES_ALL = 2  # times as many may be lost if no servo answers: the host or adapter may be busy
+_TIMES_ALL = 2  # factor of `allowed` if no servo answers: the host or adapter may be busy
 _STATE_PERIOD = 0.1  # period of requests that include the torque [s]
 _LIMP = 5  # answers that may still report no torque after it was switched on
 _MEASURED = {"position", "speed", "load", "max_torque", "temperature", "voltage", "current"}
-# Answers of two servos with one id may look as one, with a position where none of them is.
+# The answers of two servos with one id may overlap, and look like one answer with a wrong position.
 _FASTEST, _PLAY = 360.0, 2.0  # largest speed of a servo [deg/s], and error of its position [deg]
-_WAY_IN_SPEED = 20.0  # speed of a joint that is outside its limits, to them [deg/s]
+_WAY_IN_SPEED = 20.0  # speed at which a joint moves back inside its limits [deg/s]
 _RAMP = 0.3  # time in which torque rises, by one step in each period of frames [s]
 
 
@@ -76,7 +76,7 @@ class BusProtocol(BoardProtocol):
         self._requests = 0
         self._noise = 0  # received bytes outside of packets since the last complete answers
         self._unanswered = dict.fromkeys(self._joints, 0)  # requests in a row without an answer
-        self._silent = dict.fromkeys(self._joints, 0)  # those of them that were not late
+        self._silent = dict.fromkeys(self._joints, 0)  # number of these that were not late
         self._answered = dict.fromkeys(self._joints, -math.inf)  # last answered request [s]
         self._requested = -math.inf  # time of the last request [s]
         self._replied = dict.fromkeys(self._joints, -math.inf)  # last request with any answer [s]

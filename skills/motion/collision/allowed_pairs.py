@@ -23,9 +23,9 @@ from .checker import CollisionChecker, Contact
 from .planning_scene import PlanningScene
 
 _SAMPLES = 10_000
-_ROUGH = 500  # samples in which the hulls of a pair are checked before
+_ROUGH = 500  # samples in which the hulls of a pair are checked first
 _EXACT = 200  # samples in which the exact shapes of a pair are checked
-_ALWAYS = 0.95  # share of samples in contact from which a pair counts as always in contact
+_ALWAYS = 0.95  # least share of samples in contact for a pair that is always in contact
 # Hulls that keep the margin plus this distance in all samples never touch [m]. The addition covers
 # configurations between two samples.
 _RESERVE = 0.01

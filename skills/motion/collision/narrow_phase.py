@@ -37,7 +37,7 @@ class NarrowPhase:
         check: Callable[[], None],
     ) -> None:
         self._scene, self._joints, self._placed, self._check = scene, joints, placed, check
-        self._shapes = dict[int, ShapePairs]()  # of pairs of hulls
+        self._shapes = dict[int, ShapePairs]()  # exact shapes by pair of hulls
         self._pools = dict[int, pin.GeometryPool]()
         self._close = coal.CollisionRequest()
 

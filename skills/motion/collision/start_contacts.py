@@ -1,4 +1,4 @@
-"""Contacts in which a motion starts: it may leave them, and deepens none by over 1 mm.
+"""Contacts in which a motion starts. It may leave them, but deepens none by more than 1 mm.
 
 A folded arm rests on itself or on the table. Measured positions, meshes and calibration are exact
 only to some millimetres, so such an arm may seem to overlap slightly.
@@ -24,7 +24,7 @@ class StartContacts:
     Attributes:
         checker, start: The same.
         pairs: The links of each contact.
-        lever_arms: Those of `scene.lever_arms` (P, A) [m/rad].
+        lever_arms: Lever arms of each contact (P, A) [m/rad].
     """
 
     def __init__(self, checker: CollisionChecker, start: Array, margin: float) -> None:
@@ -43,9 +43,9 @@ class StartContacts:
         return next(each for each in self._contacts.values() if each[:2] == contact[:2])
 
     def clearance(self, configuration: Array) -> float:
-        """Return how far the links in contact are from the margin, together (A,) [m].
+        """Return the sum of distance - margin of the contacts that are closer than the margin [m].
 
-        It is 0 if all of them keep the margin, else negative.
+        It is 0 if all contacts keep the margin in the configuration (A,) [rad], else negative.
         """
         near = self.checker.contacts(configuration, self._margin)
         return sum(near[pair].distance - self._margin for pair in self._contacts if pair in near)
@@ -61,7 +61,7 @@ class StartContacts:
         """
         found, moved = list[tuple[int, Contact]](), abs(configurations - self.start)
         for pair, contact in self._contacts.items():
-            # Motion after motion may not close a gap.
+            # Half a gap at most, so that several motions together cannot close it.
             gap = contact.distance
             closer_by = min(_TOLERANCE, 0.5 * gap) if gap > 0.0 else _TOLERANCE
             travels = moved @ self.checker.scene.lever_arms[pair]

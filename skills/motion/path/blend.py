@@ -43,7 +43,7 @@ def _largest_radii(waypoints: Array) -> Array:
 
 
 def _via_radius(validator: MotionValidator, corner: Array) -> float:
-    """Return the largest radius [rad]. Its blend passes the corner within `VIA_TOLERANCE`.
+    """Return the largest radius whose blend passes the corner within `VIA_TOLERANCE` [rad].
 
     The middle of the parabola is closest to the corner, at r (e - d) / 4; see `curve.py`.
     """

@@ -72,7 +72,7 @@ class MotionValidator:
         return self.group.full(self.start, points)
 
     def seems_free(self, a: Array, b: Array) -> bool:
-        """Return True if some points between two free points keep the margin: no proof."""
+        """Return True if samples of the line between two free points keep the margin. No proof."""
         return self.sampled_collision(a + _SAMPLES * (b - a)) is None
 
     def free_points(self, points: Array) -> Mask:

@@ -45,7 +45,7 @@ def verify_contacts(contacts: StartContacts, request: Verify) -> None:
     """Check that a motion deepens no contact in which it starts.
 
     Raises:
-        MotionCollides: It does. The error has the first contact.
+        MotionCollides: It deepens a contact. The error has the first one.
         PlanTimeout: The deadline passed.
     """
     if deeper := first_deeper(contacts, np.asarray(request.configurations)):

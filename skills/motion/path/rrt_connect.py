@@ -49,7 +49,7 @@ def find_paths(
 
     Raises:
         NoPath: No path was found within the limit of samples.
-        PlanTimeout: The deadline passed. The error has what was tried until then.
+        PlanTimeout: The deadline passed. The error lists what was tried.
     """
     group, ends = validator.group, np.vstack((start, goals))
     lower = np.where(np.isfinite(group.lower), group.lower, ends.min(axis=0) - np.pi)

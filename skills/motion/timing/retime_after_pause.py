@@ -18,7 +18,7 @@ from skills.motion.validation import is_number
 
 from .time_parameterization import time_curve
 
-_SHORT = 1e-9  # largest length of a rest that becomes a line [rad]
+_SHORT = 1e-9  # largest length of a remaining path that becomes a line [rad]
 
 
 def _check(request: Rest) -> None:

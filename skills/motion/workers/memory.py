@@ -9,7 +9,7 @@ from skills.motion.errors import TooLittleMemory
 # Address space that armtree needs [bytes]. A planner of the shipped arm uses a quarter of it. The
 # process that starts planners uses up to 0.8 GiB, mostly reserved for its threads (measured).
 NEEDED = 2**30
-_NEEDED_DATA = 2**29  # of it, what the system counts as data: a run uses 0.2 GiB (measured) [bytes]
+_NEEDED_DATA = 2**29  # part of it that counts as data; a run uses 0.2 GiB (measured) [bytes]
 _MOST = 4 * 2**30  # largest memory of a planner [bytes]
 
 

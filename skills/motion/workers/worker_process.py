@@ -27,7 +27,7 @@ _GRACE = 0.008  # time after a request's timeout until the worker counts as hang
 _SLOW = 0.1  # longer requests are likely to be canceled [s]
 _EXIT = 5.0  # longest wait for the exit status after the worker closed its socket [s]
 _FEW = 100  # largest number of via points and bodies in a quickly encoded request
-_MANY = 1000  # largest number of bodies in a world that is sent before the process reads
+_MANY = 1000  # largest number of bodies in a world that is sent before the process can read
 _STOPPED_NOW = os.WSTOPPED | os.WNOHANG | os.WNOWAIT
 _START = 30.0  # longest time to load the robot on a slow machine [s]
 

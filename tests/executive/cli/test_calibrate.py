@@ -275,7 +275,7 @@ def test_the_file_of_another_arm_is_named_before_it_is_replaced(arm: Arm, tmp_pa
             assert terminal.end()[0] == 0
         with other.calibrate(*imported) as terminal:
             other.hold(terminal)
-            terminal.until("keeps homing = -88; the calibration file has 10", "Copy the file first")
+            terminal.until("keeps homing = -88; the calibration file has 10", "To use --restore")
             terminal.type("n\r")
             assert terminal.end()[0] == 130
         with other.calibrate("--restore") as terminal:

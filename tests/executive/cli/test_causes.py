@@ -146,7 +146,7 @@ def test_an_address_that_is_no_url_is_a_mistake_of_usage(
 
 @pytest.mark.parametrize("command", ["cancel", "pause"])
 def test_a_recording_is_not_a_goal(typed: tuple[Served, Typed], command: str) -> None:
-    words = f"'latest' names a recording, not a goal; `armtree {command}` alone is for the goal"
+    words = f"'latest' names a recording, not a goal; for the running goal, type `armtree {command}"
     assert words in typed[1](command, "latest")[2]
 
 

@@ -155,7 +155,7 @@ def test_a_jog_on_a_server(serve: Serve, tmp_path: Path) -> None:
         served.stop()
         gone = "the server does not answer any more, so the pose of the arm is unknown"
         shown = " ".join(terminal.until("arm unknown", "q leave").split())
-        assert f"server.unreachable: {gone} -> look at the arm" in shown
+        assert f"server.unreachable: {gone} -> check the arm" in shown
         terminal.type("rm x\r" + RIGHT + "q")
         status, printed = terminal.end()
     assert status == 13

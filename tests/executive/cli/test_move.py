@@ -31,7 +31,7 @@ def folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         (("joint_1=100deg",), 4, "is outside its limits, -90 deg to 90 deg [goal.out_of_bounds]"),
         (("foldd",), 4, "did you mean folded? Or give JOINT=VALUE"),
         (("--by", "folded"), 4, "folded is a pose, not a change"),
-        (("0.1", "0.1"), 4, "such as 0.1 0.1 8cm. Or say what moves: JOINT=VALUE or width=20mm"),
+        (("0.1", "0.1"), 4, "such as 0.1 0.1 8cm. Or name what moves: JOINT=VALUE or width=20mm"),
         (("open", "closed"), 4, "open and closed move joint_4 to different positions; give one"),
         (("9", "9", "9m"), 4, "point 9 m is far beyond the reach of this arm, 0.26 m [goal."),
         (("300", "0", "100"), 4, "of this arm, 0.26 m; did you mean 300mm 0 100mm? [goal."),
@@ -65,7 +65,7 @@ def test_only_what_the_arm_has_is_offered(folder: Path) -> None:
     offered = "there is only home. Or give JOINT=VALUE, JOINT+=CHANGE or x y z of the tool [goal."
     assert f"'foldd' is not a pose; {offered}" in out
     out = type_command(folder, "move", "0.1", "0.1", "--robot", str(DATA / "endless.toml"))[1]
-    assert "Or say what moves: JOINT=VALUE [goal." in out
+    assert "Or name what moves: JOINT=VALUE [goal." in out
 
 
 def test_an_unknown_option_is_no_number(folder: Path) -> None:

@@ -100,6 +100,7 @@ def test_what_was_guessed_is_said_and_can_be_given(folder: Path) -> None:
     assert robot.tool == dataclasses.replace(robot.tool, link="a")  # type: ignore[type-var]
 
 
+@pytest.mark.slow
 def test_pairs_of_links_are_counted_and_missing_visual_meshes_named(folder: Path) -> None:
     box = '<collision><geometry><box size="0.01 0.01 0.01"/></geometry></collision>'
     seen = '<visual><geometry><mesh filename="gone.stl"/></geometry></visual>'
@@ -201,6 +202,7 @@ def test_at_a_terminal_it_asks_for_the_tool(folder: Path, monkeypatch: pytest.Mo
     assert tool.link == "c"
 
 
+@pytest.mark.slow
 def test_the_question_for_the_tool_breaks_no_name_and_ends_its_line_at_ctrl_c(folder: Path) -> None:
     links = [f"finger_{side}_{part}" for side in ("left", "right") for part in ("inner", "outer")]
     joints = [f"c -> {link}: fixed {link}_weld" for link in links]

@@ -129,7 +129,7 @@ def test_new_writes_a_task_that_runs_on_any_arm(tmp_path: Path, name: str) -> No
     checked = armtree("check", *robot)
     assert checked.exit_code == 0, checked.output
     assert checked.output.startswith("1 file and ")
-    assert checked.output.endswith(" that ship are right\n")
+    assert checked.output.endswith(" shipped files are right\n")
     with SimulatedArm(trees=tmp_path, robot=DATA / f"{name}.toml") as arm:
         outcome = arm.run("wave")
     assert outcome.success, outcome.message

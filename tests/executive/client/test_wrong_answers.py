@@ -191,6 +191,7 @@ def drip(request: pytest.FixtureRequest) -> Iterator[str]:
         listener.shutdown(socket.SHUT_RDWR)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drip", SLOW, indirect=True)
 def test_a_slow_answer_has_one_deadline(drip: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("executive.client.transport.ANSWER_TIMEOUT", 0.4)
@@ -209,6 +210,7 @@ def test_a_slow_answer_has_one_deadline(drip: str, monkeypatch: pytest.MonkeyPat
         asyncio.run(status())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("drip", ["head", "processing"], indirect=True)
 def test_the_head_of_events_has_a_deadline(drip: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("executive.client.transport.ANSWER_TIMEOUT", 0.4)

@@ -317,7 +317,7 @@ def test_a_stop_names_silent_arms_and_queues_that_are_not_held(
                 await client.stop()
             assert str(failure.value) == (
                 "1 of 2 arms confirmed stop; not bench.silent; the queues are not held and still "
-                "deliver jobs (nats: timeout); look at these arms, and use their own pages or "
+                "deliver jobs (nats: timeout); check these arms, and use their own pages or "
                 "power switches; then type the stop again"
             )
             assert [each.arm for each in failure.value.confirmed] == ["bench.0"]

@@ -140,7 +140,7 @@ def wrong(scene: Scene) -> None:
     "bus-fault-port",
     "during a motion a servo vanishes, answers for another, sends damaged answers, is blocked,"
     " has a low voltage, or restarts",
-    "the goal ends with the code of the cause; the servos hold where they are; the log of the bus"
+    "the goal ends with the code of the cause; the servos hold their positions; the log of the bus"
     " has nothing afterwards, and before it the commands that are recorded",
     times=6,
 )

@@ -136,8 +136,8 @@ def worker(scene: Scene) -> None:
 @row(
     "fleet-pause",
     "the worker of an arm is paused for a minute while its job moves, and comes back",
-    "the server stops the arm; the job is given up meanwhile; the worker then reports what the arm "
-    "did, the record says `late`, and the job runs once",
+    "the server stops the arm; the job ends as `fleet.arm_lost`; the worker then reports what the "
+    "arm did, the record says `late`, and the job runs once",
     times=1,
     waits=True,
 )
@@ -161,7 +161,7 @@ def pause(scene: Scene) -> None:
 @row(
     "fleet-server",
     "`kill -9` of `armtree serve` while its arm runs a job of a fleet",
-    "the arm stays listed, a fleet stop names it, and its job is given up",
+    "the arm stays listed, a fleet stop names it, and its job ends as `fleet.arm_lost`",
     times=2,
 )
 def killed_server(scene: Scene) -> None:

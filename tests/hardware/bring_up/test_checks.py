@@ -103,7 +103,7 @@ def test_a_missing_servo_is_named_with_the_likely_cable(
 
 def test_a_wrong_speed_is_found(tmp_path: Path) -> None:
     check = found(tmp_path, lambda model: None, baud=115_200)["baud"]
-    assert check.detail == "servos 1 2 3 4 answer at 115200 bit/s; the robot file says 1000000"
+    assert check.detail == "servos 1 2 3 4 answer at 115200 bit/s; the robot file has 1000000"
     assert check.remedy.startswith("write baud = 115200 under [serial]")
 
 

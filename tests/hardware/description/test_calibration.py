@@ -90,7 +90,7 @@ def test_the_calibration_of_another_arm_is_refused_before_anything_moves(tmp_pat
         ('robot = "arduinobot"', 'robot = "so101"', "it calibrates so101, not arduinobot"),
         ("[joints.joint_2]", "[joints.joint_9]", "joint_2"),
         ("lower_deg = -50.000", "lower_deg = 100.0", "no position is within this range"),
-        ("id = 1", "id = 2", "its servo 2 is the servo of"),
+        ("id = 1", "id = 2", "its servo 2 is already the servo of"),
         ("homing = 12", 'homing = "12"', "joint_1.wire.homing"),
     ],
 )

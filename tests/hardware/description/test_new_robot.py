@@ -202,8 +202,8 @@ def test_a_name_that_two_joints_have_hides_no_mistake(tmp_path: Path) -> None:
     assert [line.partition(";")[0] for line in mistakes(path)] == [
         "3: two joints are called j",
         "8: two joints are called weld",
-        "4: joint k: its child b is the child of j (2) already",
-        "8: joint weld (2): its child e is the child of j (4) already",
+        "4: joint k: its child b is already the child of j (2)",
+        "8: joint weld (2): its child e is already the child of j (4)",
         "4: joint k has the same link as parent and child, b",
         "5: joint j mimics l, which does not move by itself",
         "7: joint j mimics m, which does not move by itself",

@@ -214,6 +214,7 @@ def test_a_collision_stops_it_and_shows_where_it_is_free(robot: Robot, tmp_path:
     assert verify(Path(outcome.recording)).holds
 
 
+@pytest.mark.slow
 def test_a_folded_arm_follows_out_of_its_contacts(robot: Robot, tmp_path: Path) -> None:
     """The forearm rests on the shoulder. It may stay and leave, but not press on."""
     folded = (0.0, *np.radians((-100.0, 91.0, 50.0, 0.0, 0.0)).tolist())

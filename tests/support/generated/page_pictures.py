@@ -148,7 +148,7 @@ def show_unfinished(served: Served) -> Callable[[Any], object]:
 
     def show(tab: Any) -> None:
         tab.click(f"#runs .run[title^='{killed.name}']")
-        shows(tab, "#shown", "without its end")
+        shows(tab, "#shown", "recorded, incomplete")
 
     return show
 

@@ -54,6 +54,7 @@ def nearest(robot: Robot, sample: Sample, waypoints: list[Sample]) -> tuple[floa
     return min(each[0] for each in found), min(each[1] for each in found)
 
 
+@pytest.mark.slow
 def test_a_path_becomes_few_points_within_the_tolerances(so101: Robot) -> None:
     samples = swing(150)
     waypoints = simplify(so101, samples, ARM)

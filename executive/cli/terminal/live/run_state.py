@@ -19,7 +19,7 @@ class RunState:
         title: Number and name of the task.
         has_nodes: False for a move, whose nodes are not shown: its outcome describes them.
         arm: State of the arm's lifecycle.
-        activated: Begin of the activation; None if the arm is not activating.
+        activated: Start of the activation; None if the arm is not activating.
         began: Start of the goal; None before.
         ended: End of the goal; None before.
         percentage: Share of executed frames [%]; None if unknown.

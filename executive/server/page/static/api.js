@@ -10,7 +10,7 @@ const KEY = "armtree-token";
 const TIMEOUT = 10_000; // a request fails after this time without an answer [ms]
 const RETRY = 1000; // after a request without an answer [ms]
 
-/** Cookies of other programs on this machine could make a stop too long to be served first. */
+/** No cookies: those of other programs on this machine could make a stop too long to be served first. */
 const isLocal = ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);
 /** @type {RequestCredentials} */
 const CREDENTIALS = isLocal ? "omit" : "same-origin";
@@ -20,13 +20,13 @@ const CREDENTIALS = isLocal ? "omit" : "same-origin";
  * @property {string} code
  * @property {string} message
  * @property {string} node path of the node; empty if the cause is outside the tree
- * @property {string} joint empty if the cause concerns none
+ * @property {string} joint name of the joint; empty if the cause concerns no joint
  * @property {string} hint
  * @property {string} place lines of a node that was refused before the run; else empty
- * @property {string} argument of the task, whose value is wrong; else empty
+ * @property {string} argument name of the task's argument with a wrong value; else empty
  */
 
-/** What to do on this page, by code; the hints of the server name commands. */
+/** Hints for this page, by code. The hints of the server name commands. */
 const HINTS = /** @type {Record<string, string>} */ ({
   "goal.bad_arguments": "", // the form shows the limits
   "goal.busy": "wait, or press STOP",
@@ -37,7 +37,7 @@ const HINTS = /** @type {Record<string, string>} */ ({
 });
 
 /**
- * Return what to do about a cause; empty if there is nothing to do.
+ * Return the hint for a cause; empty if there is none.
  * @param {Cause} cause
  */
 export function hintOf({ code, hint }) {
@@ -69,7 +69,7 @@ export class Refused extends Error {
 }
 
 /**
- * Return what went wrong, for people.
+ * Return the message of an error, for people.
  * @param {unknown} error
  */
 export function wordsOf(error) {
@@ -87,8 +87,8 @@ function sentence(hint) {
 }
 
 /**
- * Events of this tab: `change` when it signs in or out, `goal` when the server accepted a goal of
- * it, `stop` when it stops the arm.
+ * Events of this tab: `change` when it signs in or out, `goal` when the server accepted one of its
+ * goals, `stop` when it stops the arm.
  */
 export const session = new EventTarget();
 
@@ -105,8 +105,8 @@ function setToken(token) {
 }
 
 /**
- * Sign in with the code in the address, and remove it from there. Without one, check the token,
- * which may be that of an earlier run of the server.
+ * Sign in with the code in the address, and remove the code from the address. Without a code, check
+ * the token, which may be from an earlier run of the server.
  */
 export async function signIn() {
   const words = new URLSearchParams(location.hash.slice(1));
@@ -118,14 +118,14 @@ export async function signIn() {
   setToken(token);
 }
 
-/** Sign out if the token is that of an earlier run of the server. */
+/** Sign out if the token is from an earlier run of the server. */
 export async function checkSession() {
   if (isSignedIn()) await get("api/session").catch(() => undefined);
 }
 
 /**
  * @param {string} path
- * @param {AbortSignal | null} [signal] null to wait for what the server reads at length
+ * @param {AbortSignal | null} [signal] null for no timeout, for answers that take the server long
  * @param {"json" | "arrayBuffer"} [kind]
  * @returns {Promise<any>} the JSON, or the bytes
  */
@@ -134,7 +134,7 @@ export async function get(path, signal = AbortSignal.timeout(TIMEOUT), kind = "j
 }
 
 /**
- * Ask until the server answers.
+ * Repeat a request until the server answers.
  * @param {string} path
  * @returns {Promise<any>} the JSON; throws Refused if the server refuses it
  */
@@ -167,7 +167,7 @@ export async function post(path, body = {}, signal) {
 let stops;
 
 /**
- * Take the number of stops in a new status.
+ * Store the number of stops in a new status.
  * @param {number} count
  */
 export function setStops(count) {
@@ -211,7 +211,7 @@ export async function request(path, options) {
 }
 
 /**
- * Return where the server has a recording.
+ * Return the path of a recording on the server.
  * @param {string} name
  */
 export function pathOf(name) {

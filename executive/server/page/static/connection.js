@@ -1,16 +1,16 @@
 /**
  * The connection to the server: one stream of events, and its status once a second.
  *
- * A browser opens six connections to a server, over all tabs. So that a stop always gets one, at
- * most four tabs have a stream, and a hidden tab closes its own.
+ * A browser opens at most six connections to a server, in all its tabs. At most four tabs have a
+ * stream, and a hidden tab closes its stream, so a stop always gets a connection.
  */
 
 import { checkSession, get, request, setStops } from "./api.js";
 import { readEvents } from "./event_stream.js";
 
-const PERIOD = 1000; // between two requests for the status [ms]
+const PERIOD = 1000; // time between two requests for the status [ms]
 const TIMEOUT = 1500; // longest time for an answer [ms]
-const MAX_STREAMS = 4; // over all tabs of a browser
+const MAX_STREAMS = 4; // largest number of streams in all tabs of a browser
 
 /**
  * @typedef {object} Status What the server answers at `/api/status`.
@@ -29,11 +29,11 @@ const MAX_STREAMS = 4; // over all tabs of a browser
  * @property {boolean} paused
  * @property {string[]} breakpoints
  * @property {number} stops
- * @property {number} time_s when the server answered, on the clock of the events
+ * @property {number} time_s time of the answer, on the clock of the events
  */
 
 /**
- * Events: `event` with an event of the server as `detail`, `begin` before the first one of a
+ * Events: `event` with an event of the server as `detail`, `begin` before the first event of a
  * stream, `status` with a Status, `change` when the connection is lost or back.
  */
 export class Connection extends EventTarget {
@@ -41,9 +41,9 @@ export class Connection extends EventTarget {
   heard = 0;
   /** False if the last request had no answer. */
   alive = false;
-  /** Why the server refuses to be watched; empty if it does not. */
+  /** Reason that the server refuses to show its state; empty if it shows it. */
   refusal = "";
-  /** @type {boolean | undefined} false if the server has recordings and no arm; not known at first */
+  /** @type {boolean | undefined} false if the server has only recordings; undefined before its first answer */
   hasArm;
   /** True if too many other tabs have a stream. */
   crowded = false;
@@ -61,7 +61,7 @@ export class Connection extends EventTarget {
     this.refresh();
   }
 
-  /** Ask for the status now, and then once a period. The first request asks whether there is an arm. */
+  /** Request the status now, and then once a period. First find out if the server has an arm. */
   async refresh() {
     clearTimeout(this.#timer);
     try {
@@ -85,7 +85,7 @@ export class Connection extends EventTarget {
     if (!document.hidden) this.#timer = setTimeout(() => this.refresh(), PERIOD);
   }
 
-  /** Begin without a stream of events. */
+  /** Dispatch `begin` once, for a server without an arm, which has no events. */
   #beginOnce() {
     if (!this.#streaming) this.dispatchEvent(new Event("begin"));
     this.#streaming = true;
@@ -135,18 +135,18 @@ export class Connection extends EventTarget {
       for await (const detail of readEvents(response))
         this.dispatchEvent(new CustomEvent("event", { detail }));
     } catch {
-      // The stream broke or was closed. The next status tells which.
+      // The stream broke or was closed. The next request for the status shows which.
     }
   }
 }
 
 /**
- * Act in one of the slots of this browser.
+ * Call a function while this tab holds one of the browser's slots for streams.
  * @param {() => Promise<void>} act
  * @returns {Promise<boolean>} false if all slots are taken
  */
 async function withSlot(act) {
-  if (!navigator.locks) return act().then(() => true); // plain HTTP from another machine
+  if (!navigator.locks) return act().then(() => true); // browsers have no locks over plain HTTP from another machine
   for (let slot = 0; slot < MAX_STREAMS; slot++) {
     const acted = await navigator.locks.request(`stream ${slot}`, { ifAvailable: true }, (lock) =>
       lock ? act().then(() => true) : false,

@@ -51,7 +51,7 @@ export function setText(target, text) {
 }
 
 /**
- * Replace the children of an element. One that stays keeps the focus.
+ * Replace the children of an element. A child that stays keeps the focus.
  * @param {Element} target
  * @param {Element[]} children
  */
@@ -62,7 +62,7 @@ export function setChildren(target, children) {
 }
 
 /**
- * Scroll as little as shows an element.
+ * Scroll just far enough to show an element.
  * @param {Element} target
  */
 export function reveal(target) {
@@ -70,9 +70,9 @@ export function reveal(target) {
 }
 
 /**
- * Return whether an element is to be drawn of something else than the last time.
+ * Return true if the content of an element differs from the last call, so it must be drawn again.
  * @param {HTMLElement} target
- * @param {string} key what it is drawn of
+ * @param {string} key all content of the element, as text
  */
 export function isNew(target, key) {
   if (target.dataset.key === key) return false;
@@ -81,7 +81,7 @@ export function isNew(target, key) {
 }
 
 /**
- * Let a button act, or not. It keeps the focus, which `disabled` would take from it.
+ * Enable or disable a button. The button keeps the focus, unlike with `disabled`.
  * @param {HTMLButtonElement} button
  * @param {boolean} usable
  */
@@ -95,7 +95,7 @@ export function ignoreUnusable() {
     "click",
     (event) => {
       if (!(event.target instanceof Element) || !event.target.closest("[aria-disabled='true']")) return;
-      event.preventDefault(); // as this submits no form
+      event.preventDefault(); // the button must not submit a form
       event.stopPropagation();
     },
     { capture: true },
@@ -105,7 +105,7 @@ export function ignoreUnusable() {
 /**
  * Return a function that calls another one in the next frame of the screen, at most once per frame.
  * @param {() => void} draw
- * @param {() => number} [period] shortest time between two calls [ms]; default: that of a frame
+ * @param {() => number} [period] shortest time between two calls [ms]; default: one frame
  * @returns {() => void}
  */
 export function oncePerFrame(draw, period = () => 0) {

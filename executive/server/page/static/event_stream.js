@@ -1,4 +1,4 @@
-/** Server-sent events, read from an answer, so that a request can have the token. */
+/** Reads server-sent events from an answer, because an EventSource cannot send the token. */
 
 /**
  * Yield the events of an answer until it ends.

@@ -28,8 +28,8 @@ const cursor = new Cursor();
 let status = null;
 /** @type {import("./arm/model.js").Robot | null} the robot of the server */
 let live = null;
-let isLiveRobot = false; // whether that one is drawn
-let empty = true; // until a run is shown
+let isLiveRobot = false; // True if the robot of the server is drawn
+let empty = true; // True until a run is shown
 
 const drawStop = showStop(
   () => connection.alive || connection.heard === 0,
@@ -50,7 +50,8 @@ const player = new Player(shown, cursor);
 const comparison = new Comparison();
 
 const drawPlayer = oncePerFrame(() => player.draw(runs.recordings));
-// Drawn by the processor, a recording that plays would take it from the arm. Only its player keeps up.
+// Without a graphics card, a playing recording would take the processor from the arm. So everything but
+// the player is drawn less often.
 const draw = oncePerFrame(drawAll, () => (shown.isLive ? 0 : arm.period));
 
 function drawAll() {
@@ -64,7 +65,7 @@ function drawAll() {
   drawNode(shown, tree.selected);
   drawPause(shown, status?.paused ?? false);
   controls.draw(status);
-  // Until the user asks for a moment of the last run, the arm is shown where it is now.
+  // The page shows the current pose of the arm until the user selects a moment of the last run.
   const isNow = connection.hasArm && isLiveRobot && shown.isLast && cursor.live;
   arm.draw(shown, isNow ? shown.live : shown.run);
   arm.drawOther(comparison.run);
@@ -79,10 +80,10 @@ function drawAll() {
   if (fails && shown.run.task >= 0) bringIntoView(byId("failure", HTMLElement));
 }
 
-/** @type {unknown[]} what the acts were drawn of */
+/** @type {unknown[]} values from which the buttons were last drawn */
 let acts = [];
 
-/** Draw what one can do, unless nothing of it has changed. */
+/** Draw tasks, moves and poses with their buttons, if anything of them has changed. */
 function drawActs() {
   const { active, goalId, positions } = shown.live;
   const goal = active ? goalId : (status?.goal?.goal_id ?? null);
@@ -103,7 +104,7 @@ connection.addEventListener("begin", async () => {
   showRobot()
     .catch((error) => setText(byId("no-3d", HTMLElement), `The robot is not shown: ${error.message}`))
     .then(drawShownRobot);
-  shown.recorded?.seek(cursor.time); // what could not be loaded before
+  shown.recorded?.seek(cursor.time); // loads a window that failed to load before
   empty ||= !shown.live.goalId && !shown.recorded;
   await runs.refresh();
   await catchUp();
@@ -113,9 +114,9 @@ connection.addEventListener("event", (event) => {
   const { detail } = /** @type {CustomEvent} */ (event);
   if (detail.event === "question") questions.update(detail);
   shown.update(detail);
-  // With the event of a goal, its recording has begun.
+  // A goal's recording exists when the event of the goal arrives.
   if (detail.event === "status" || detail.event === "goal") runs.refresh();
-  if (detail.event === "status" && detail.result) connection.refresh(); // what can be done next
+  if (detail.event === "status" && detail.result) connection.refresh(); // updates the buttons
 });
 connection.addEventListener("status", (event) => {
   status = /** @type {CustomEvent} */ (event).detail;
@@ -135,7 +136,7 @@ shown.addEventListener("error", (event) => player.say(/** @type {CustomEvent} */
 cursor.addEventListener("change", () => {
   const { time, live } = cursor;
   if (shown.isLive && !live) {
-    shown.rewind(); // which follows the end
+    shown.rewind(); // moves the cursor to the end
     return cursor.seek(time);
   }
   shown.recorded?.seek(cursor.time);
@@ -145,7 +146,7 @@ cursor.addEventListener("change", drawPlayer);
 cursor.addEventListener("change", draw);
 session.addEventListener("change", () => connection.refresh().then(draw));
 session.addEventListener("goal", () => {
-  shown.follow(); // who starts a motion sees it
+  shown.follow(); // shows the run that this tab started
   connection.refresh();
 });
 tree.addEventListener("select", draw);
@@ -185,7 +186,7 @@ document.addEventListener("click", (event) => {
   }
   tree.reveal(link.dataset.path);
 });
-setInterval(draw, 1000); // the age of what is shown
+setInterval(draw, 1000); // updates the time since the last answer
 
 /** Show how the live goal ended, if it ended while there was no connection, or with its server. */
 async function catchUp() {
@@ -200,7 +201,7 @@ async function catchUp() {
 }
 
 async function showRobot() {
-  if (!connection.hasArm) return; // each recording has its own
+  if (!connection.hasArm) return; // each recording has its own robot
   const robot = await getAtLast("api/robot");
   setText(byId("robot", HTMLElement), robot.name);
   document.title = `${robot.name}, armtree`;
@@ -227,7 +228,7 @@ function drawRobot(robot) {
 async function drawShownRobot() {
   const { recorded } = shown;
   if (!recorded?.name) return live ? drawRobot(live) : undefined;
-  const robot = await recorded.robot.catch(() => live); // a recording may lack it
+  const robot = await recorded.robot.catch(() => live); // a recording may lack its robot
   if (robot && shown.recorded === recorded) drawRobot(robot);
   if (robot && !connection.hasArm) setText(byId("robot", HTMLElement), robot.name);
 }
@@ -246,11 +247,11 @@ async function open(name, time, held) {
   if (time !== undefined) cursor.seek(time);
 }
 
-/** Show the moment that the address names: `#recording=NAME&t=3.2`, or else the newest run. */
+/** Show the moment in the address, such as `#recording=NAME&t=3.2`, or else the newest run. */
 async function openAddress() {
   const words = new URLSearchParams(location.hash.slice(1));
   const newest = runs.recordings.find((each) => isFinished(each) || runs.isFinishing(each));
-  const finished = newest && isFinished(newest) && newest.name; // else it may be so in the next list
+  const finished = newest && isFinished(newest) && newest.name; // else the next list may have it finished
   const name = words.get("recording") ?? finished;
   const time = words.has("t") ? Math.max(0, Number(words.get("t"))) || 0 : undefined;
   if (!name) return;
@@ -259,7 +260,7 @@ async function openAddress() {
 }
 
 /**
- * Scroll to a part of the page whose beginning is not seen.
+ * Scroll to a part of the page if its beginning is not visible.
  * @param {HTMLElement} part
  */
 function bringIntoView(part) {
@@ -288,7 +289,7 @@ function trySignIn() {
 ignoreUnusable();
 connection.start();
 trySignIn();
-// The user may come back from a terminal, in which a command has made a recording.
+// A command in a terminal may have made a recording meanwhile.
 window.addEventListener("focus", () => {
   if (connection.alive) runs.refresh();
 });

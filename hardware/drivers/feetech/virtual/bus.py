@@ -27,7 +27,7 @@ class Fault:
             the id `value`), `impersonate` (it answers with the id `value`), `lose` (its next
             `value` answers are lost) or `damage` (its next `value` answers have a wrong bit).
         servo: Id of the servo.
-        time: Begin of the fault [s].
+        time: Start of the fault [s].
         value: See `kind`.
     """
 
@@ -43,7 +43,7 @@ class BusState:
 
     Attributes:
         positions: Positions of the servos, by id [ticks].
-        outputs: Positions of what they move, by id [ticks]. They differ by the backlash.
+        outputs: Positions of their outputs, by id [ticks]. They differ by the backlash.
         torque: True if the servo has torque, by id.
         collisions: Number of times that the host sent bytes while a servo answered.
     """

@@ -71,7 +71,7 @@ class Servo:
 
     Attributes:
         blocked: True if it cannot move. It then pushes with its full torque.
-        stops: Positions between which an object keeps it, once it is there [ticks].
+        stops: Ends of the range in which an object keeps it, if it is in the range [ticks].
         supply: Voltage of its supply without a load [V].
         ambient: Temperature around it [C].
     """
@@ -112,7 +112,7 @@ class Servo:
 
     @property
     def output(self) -> float:
-        """Position of what it moves [ticks]. The encoder does not see the backlash before that.
+        """Position of its output [ticks]. The encoder does not measure the backlash before that.
 
         Its load keeps the output on one side of the backlash. A load on the other side moves it.
         """

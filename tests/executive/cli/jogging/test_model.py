@@ -145,7 +145,7 @@ def test_a_name_is_typed_for_a_command() -> None:
 def test_a_space_during_a_move_stops_and_is_not_typed() -> None:
     jog, action = pressed(begun(), RIGHT, "s", "a", " ")
     assert (action, jog.typed) == (Stop(), "a")
-    assert "Stopping; the space is not in the text; Escape leaves" in drawn(jog)
+    assert "Stopping; the space was not typed; Escape leaves" in drawn(jog)
 
 
 def test_a_text_that_is_wrong_can_be_corrected() -> None:
@@ -164,7 +164,7 @@ def test_a_text_that_is_wrong_can_be_corrected() -> None:
 def test_the_help_explains_the_commands_and_hidden_ones_are_in_no_line() -> None:
     commands = {"t": KeyCommand("take", about="takes this pose as a step"), "f": KeyCommand()}
     jog, _ = pressed(Jog.start(WHERE, commands, 1.0, ""), "?")
-    assert "t takes this pose as a step. Of the keys pressed during a move, the last" in jog.message
+    assert "t takes this pose as a step. During a move, the last pressed key" in jog.message
     shown = " ".join(drawn(jog))
     assert ("t take" in shown, " f " in shown) == (True, False)
     assert pressed(jog, "f")[1] == Call("f", "")
@@ -182,7 +182,7 @@ def test_a_prompt_opens_during_a_move_and_its_command_follows_the_move() -> None
     jog, action = pressed(jog, ENTER, RIGHT)
     shown = "1 key waits: base by -2 deg; at the end of the move: save pose o1h; 1 key not taken"
     assert (action, shown in drawn(jog, 100)) == (None, True)
-    assert "First comes save pose o1h" in drawn(jog.press("s")[0])
+    assert "save pose o1h comes first" in drawn(jog.press("s")[0])
     jog, action = jog.ended("", failed=False)
     assert isinstance(action, Go)
     assert jog.ended("", failed=False)[1] == Call("s", "o1h")
@@ -234,7 +234,7 @@ def test_a_question_takes_yes_no_or_a_stop() -> None:
 
 def test_help_says_what_waits() -> None:
     jog, action = begun().press("?")
-    assert (action, "the last one waits" in jog.message) == (None, True)
+    assert (action, "the last pressed key waits" in jog.message) == (None, True)
 
 
 @pytest.mark.parametrize("size", [(200, 50), (80, 24), (60, 12)])

@@ -54,7 +54,7 @@ def test_a_server_that_is_lost_during_a_move_leaves_the_pose_unknown(
     with pytest.raises(ServerLost, match=r"so the pose of the arm is unknown$") as error:
         server_goals.send_and_wait(client, Move(("home",)), (), False, False, False)
     assert error.value.code == "server.unreachable"
-    assert error.value.hint.startswith("look at the arm, start the server again")
+    assert error.value.hint.startswith("check the arm, start the server again")
 
 
 def _failing(error: Exception) -> Iterator[Event]:

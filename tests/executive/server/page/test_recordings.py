@@ -303,7 +303,7 @@ def test_what_is_done_with_a_recording(open_page: Open, page_server: Served) -> 
     shows(tab, "#shown", "^task 0 home, recorded$")
     name = tab.inner_text("#player-name")
     tab.click("#link")
-    shows(tab, "#player-note", "^The address of this page is that of this moment; copy it there.$")
+    shows(tab, "#player-note", "^Copy the address of this page: it opens this moment.$")
     assert f"#recording={name}&t=" in tab.url
     with tab.expect_download() as download:
         tab.click("#download")

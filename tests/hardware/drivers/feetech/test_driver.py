@@ -493,7 +493,7 @@ def test_a_servo_that_vanishes_from_a_resting_arm_is_a_fault(tmp_path: Path) -> 
         ("[groups]", "[guards]\nmost_f = 9\n[groups]", "most_f"),
         ("baud =", "rate_hz = 200\nbaud =", "rate_hz: 200 is not allowed"),
         ("baud =", "lost_answers = 0\nbaud =", "lost_answers: 0 is not from 1 to 20"),
-        ("id = 2", "id = 1", "joint_2: its servo 1 is the servo of joint_1 already"),
+        ("id = 2", "id = 1", "joint_2: its servo 1 is already the servo of joint_1"),
         ("id = 2", "id = 254", "id: 254 is not from 0 to 252"),
         ("offset_deg = 0", "offset_deg = 120", "joint_1: servo 1 cannot reach the limit 90 deg"),
         ("sign = 1", "sign = 0", "sign: 0 is not one of -1, 1"),

@@ -17,7 +17,7 @@ import { get } from "../api.js";
  * @property {Vector} xyz
  * @property {Vector} rpy
  * @property {Vector} axis
- * @property {number[]} limits smallest and largest position, of those that there are [rad or m]
+ * @property {number[]} limits smallest and largest position, without infinite ones [rad or m]
  * @property {[string, number, number] | null} mimic joint, factor and offset
  */
 
@@ -44,8 +44,8 @@ import { get } from "../api.js";
 
 const FAILURE = 0xc8281e;
 const FAILURE_EDGE = 0x4d0a06;
-const BESIDE_FAILURE = 0xa8aeb4; // of links that are not marked, so that red is seen beside any colour
-const SHARPEST = 25; // angle between two faces without an edge between them [deg]
+const BESIDE_FAILURE = 0xa8aeb4; // colour of unmarked links, so that the red ones stand out
+const SHARPEST = 25; // largest angle between two faces without a drawn edge [deg]
 const DEFAULT_COLOR = /** @type {const} */ ([0.7, 0.72, 0.75, 1]);
 
 /** A robot that can be posed. */
@@ -83,7 +83,7 @@ export class ArmModel {
 
   /**
    * Move the joints.
-   * @param {Record<string, number>} positions by joint [rad or m]; joints that are not named stay at 0
+   * @param {Record<string, number>} positions by joint [rad or m]; all other joints are at 0
    */
   setPose(positions) {
     for (const { joint, object } of this.#joints) {
@@ -97,7 +97,7 @@ export class ArmModel {
   }
 
   /**
-   * Return where the tool is in a pose, or the last link if the robot names no tool.
+   * Return the position of the tool in a pose, or of the last link if the robot has no tool [m].
    * @param {Record<string, number>} positions
    * @returns {import("three").Vector3}
    */
@@ -110,7 +110,7 @@ export class ArmModel {
 
   /**
    * Draw some links in the colour of failure with their edges, and the others grey.
-   * @param {Set<string>} links none for the robot's own colours
+   * @param {Set<string>} links empty to restore the robot's own colours
    */
   mark(links) {
     this.#marked = links;
@@ -127,7 +127,7 @@ export class ArmModel {
   /** @param {Mesh} mesh */
   #edgesOf({ geometry }) {
     const three = this.#three;
-    const line = new three.LineBasicMaterial({ color: FAILURE_EDGE, depthTest: false }); // links hide each other
+    const line = new three.LineBasicMaterial({ color: FAILURE_EDGE, depthTest: false }); // shows edges behind other links
     return new three.LineSegments(new three.EdgesGeometry(geometry, SHARPEST), line);
   }
 
@@ -155,7 +155,7 @@ export class ArmModel {
       opacity,
       transparent: opacity < 1,
       roughness: 0.75,
-      // Where it is where the arm is, a faint ghost is behind the arm, and a refused goal before it.
+      // At the same place as the arm, a faint ghost is drawn behind it, and a refused goal in front.
       polygonOffset: this.#opacity < 1,
       polygonOffsetFactor: this.#opacity < 0.5 ? 2 : -2,
       polygonOffsetUnits: this.#opacity < 0.5 ? 2 : -2,
@@ -214,7 +214,7 @@ export function loadMesh(three, digest) {
 }
 
 /**
- * Return whether a file is as long as it says, if it is binary, or else begins like a text.
+ * Return true for binary STL data of the right length, and for data that begins like a text STL file.
  * @param {ArrayBuffer} data
  */
 function isStl(data) {

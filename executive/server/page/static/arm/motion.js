@@ -1,4 +1,4 @@
-/** What is drawn around the arm: the path of the tool, the frames on it, and bodies. */
+/** Draws around the arm: the path of the tool, the frames on it, and bodies. */
 
 import { loadMesh, primitive } from "./model.js";
 
@@ -7,12 +7,12 @@ import { loadMesh, primitive } from "./model.js";
 /** @typedef {import("../model/run.js").Schedule} Schedule */
 /** @typedef {import("../model/run.js").Body} Body */
 
-const MAX_POINTS = 400; // of a path
+const MAX_POINTS = 400; // largest number of points of a path
 
 /**
- * Return the path of the tool, with a dot where each frame is played.
+ * Return the path of the tool, with a dot for each frame.
  * @param {Libraries} three
- * @param {ArmModel} model which is left at the end of the path
+ * @param {ArmModel} model moved to the end of the path
  * @param {Schedule} schedule
  * @param {string} color
  */

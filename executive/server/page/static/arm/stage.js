@@ -13,9 +13,9 @@ export const VIEWS = /** @type {Record<string, [number, number, number]>} */ ({
 });
 
 const SOFTWARE = /swiftshader|llvmpipe|software|basic render/i;
-const PERIOD = 60; // between two pictures, if the processor draws them [ms]
-const STEEPEST = Math.PI / 2 - 0.001; // view from above or below [rad]
-const MARGIN = 1.1; // of the distance at which all is just seen
+const PERIOD = 60; // shortest time between two pictures without a graphics card [ms]
+const STEEPEST = Math.PI / 2 - 0.001; // largest elevation of the camera [rad]
+const MARGIN = 1.1; // factor of the smallest distance that shows everything
 
 /** Shows objects in a canvas. */
 export class Stage {
@@ -35,8 +35,8 @@ export class Stage {
   #floor;
   #size;
   #view = "free";
-  #turned = false; // by the user
-  #bounds; // of all that is to be seen
+  #turned = false; // True if the user has turned the camera
+  #bounds; // box around all included objects
 
   /**
    * @param {Libraries} three
@@ -55,7 +55,7 @@ export class Stage {
     this.period = slow ? PERIOD : 0;
     this.#renderer.setPixelRatio(slow ? 1 : Math.min(window.devicePixelRatio, 2));
     this.#renderer.shadowMap.enabled = !slow;
-    this.#renderer.debug.checkShaderErrors = false; // the check waits for the compiler
+    this.#renderer.debug.checkShaderErrors = false; // the check would wait for the compiler
     box.prepend(this.#renderer.domElement);
     this.#camera = new three.PerspectiveCamera(35, 1, size / 50, size * 50);
     this.#camera.up.set(0, 0, 1);
@@ -70,20 +70,20 @@ export class Stage {
   }
 
   /**
-   * See all of some objects, and of what was to be seen before. The camera stays where the user has
-   * turned it, and does not come closer.
+   * Show objects completely, and all objects that were included before. The camera does not move if
+   * the user has turned it.
    * @param {...import("three").Object3D} objects
    */
   include(...objects) {
     const before = this.#bounds.clone();
     for (const object of objects) {
-      object.updateMatrixWorld(); // where it will be drawn
+      object.updateMatrixWorld(); // its position in the next picture
       this.#bounds.expandByObject(object);
     }
     if (!this.#turned && !this.#bounds.equals(before)) this.look(this.#view);
   }
 
-  /** Forget what was to be seen. */
+  /** Forget all included objects. */
   forget() {
     this.#bounds.makeEmpty();
     this.#turned = false;
@@ -108,7 +108,7 @@ export class Stage {
    * Turn the camera around the middle, and move it nearer, as the mouse does.
    * @param {number} left [rad]
    * @param {number} up [rad]
-   * @param {number} share of its distance that is left
+   * @param {number} share new distance / old distance
    */
   turn(left, up, share) {
     const { target } = this.#controls;
@@ -124,7 +124,7 @@ export class Stage {
     this.draw();
   }
 
-  /** Return how far from the middle of the bounds the camera must be, which is 1 m away now [m]. */
+  /** Return the distance from the middle at which the camera sees all bounds [m]. It must be at 1 m now. */
   #distance() {
     const { min, max } = this.#bounds;
     const vertical = Math.tan((this.#camera.fov * Math.PI) / 360);
@@ -137,7 +137,7 @@ export class Stage {
     return this.#bounds.isEmpty() ? 2.6 * this.#size : Math.max(...corners);
   }
 
-  /** Take the colours of the page, for example after the system has become dark. */
+  /** Use the colours of the page, which change if the system switches to dark colours. */
   setColors() {
     const three = this.#three;
     const style = getComputedStyle(this.#box);

@@ -2,9 +2,9 @@
 
 /** Events: `change` when the moment or the end has changed. */
 export class Cursor extends EventTarget {
-  /** The moment that is shown, from the run's beginning [s]. */
+  /** The shown moment, from the run's beginning [s]. */
   time = 0;
-  /** End of what is known of the run, from its beginning [s]. */
+  /** End of the known part of the run, from its beginning [s]. */
   end = 0;
   /** True if the cursor follows the end. */
   live = true;
@@ -23,7 +23,7 @@ export class Cursor extends EventTarget {
   }
 
   /**
-   * Take a new end of the run.
+   * Set a new end of the run.
    * @param {number} end from the run's beginning [s]
    */
   extend(end) {

@@ -1,12 +1,12 @@
-/** What a run has done over time, for plots and the log: computed from events, live or recorded. */
+/** The values of a run over time, for plots and the log: computed from events, live or recorded. */
 
 import { whereItLeads } from "./run.js";
 
 /** @typedef {import("./run.js").Schedule} Schedule */
 /** @typedef {import("./recorded_run.js").Samples} Samples */
 
-const MOST_ROWS = 20_000; // of a series; then every second one is dropped
-const MOST_LINES = 2_000; // of the log
+const MOST_ROWS = 20_000; // largest number of rows of a series; then every second row is dropped
+const MOST_LINES = 2_000; // largest number of lines of the log
 
 /** Rows of values over time, one column per name. */
 export class Series {
@@ -36,7 +36,7 @@ export class Series {
   }
 
   /**
-   * Take other rows.
+   * Replace all rows.
    * @param {Samples} samples
    */
   set({ times_s, positions }) {
@@ -87,7 +87,7 @@ export class History {
   velocity = new Series();
   /** Measured velocities [rad/s or m/s]. */
   measuredVelocity = new Series();
-  /** How late each frame was sent [s], in the column `frame`. */
+  /** Delay of each frame after its scheduled time [s], in the column `frame`. */
   lateness = new Series();
   /** @type {Map<string, number>} velocity limit by joint [rad/s or m/s] */
   limits = new Map();
@@ -99,10 +99,10 @@ export class History {
   version = 0;
   /** @type {Schedule | null} the newest motion */
   #schedule = null;
-  #begun = false; // that motion
+  #begun = false; // True if the newest motion has begun
 
   /**
-   * Take an event.
+   * Add an event.
    * @param {any} event
    * @param {number} time from the run's beginning [s]
    */
@@ -136,7 +136,7 @@ export class History {
   }
 
   /**
-   * Take what the server has sampled of a whole recording.
+   * Replace the series with the server's samples of a whole recording.
    * @param {object} series
    * @param {Samples} series.commanded
    * @param {Samples} series.measured
@@ -159,7 +159,7 @@ export class History {
   #addFrame(event, time) {
     this.commanded.add(time, event.joints, whereItLeads(event, this.#schedule));
     if (event.scheduled_s === null) {
-      // A stop: the rest of the motion is not played.
+      // A stop ends the motion early.
       this.velocity.cut(time);
       this.velocity.add(time, event.joints, event.joints.map(() => 0));
       return;
@@ -167,7 +167,7 @@ export class History {
     const late = event.time_s - event.scheduled_s;
     this.lateness.add(time, ["frame"], [late]);
     if (!this.#schedule || this.#begun) return;
-    // A page that is opened during a motion does not see its first frames.
+    // A page that is opened during a motion has missed its first frames.
     const number = Math.max(0, this.#schedule.frames.indexOf(event.data));
     this.#addVelocities(this.#schedule, time - late - (this.#schedule.times[number] ?? 0));
     this.#begun = true;
@@ -175,7 +175,7 @@ export class History {
 
   /**
    * @param {Schedule} schedule
-   * @param {number} begin when its motion begins
+   * @param {number} begin start of its motion [s]
    */
   #addVelocities({ start, sample_times: times, samples }, begin) {
     const joints = Object.keys(start);
@@ -193,7 +193,7 @@ export class History {
 }
 
 /**
- * Return how fast values change, from each sample to the next.
+ * Return the velocity of each value from each sample to the next [rad/s or m/s].
  * @param {Samples} samples
  * @returns {Samples}
  */

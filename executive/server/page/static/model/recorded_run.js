@@ -1,8 +1,8 @@
 /**
- * A run that is read from its recording: the state at any moment.
+ * A run from its recording: the state at any moment.
  *
- * The server sends windows: the events around a moment, and the state before them. A window that is
- * not here yet is asked for; until it comes, the arm is where samples of the whole run show it.
+ * The server sends windows: the events around a moment, and the state before them. While a window is
+ * being loaded, the pose of the arm comes from samples of the whole run.
  */
 
 import { Refused, get, getAtLast, pathOf } from "../api.js";
@@ -25,16 +25,16 @@ import { Run } from "./run.js";
  * @property {Record<string, (number | null)[]>} positions by joint [rad or m]
  */
 
-const MOST_WINDOWS = 16; // kept; the oldest are dropped
-const PAUSE = 100; // between two windows while the moment moves, which the server of the arm reads [ms]
-const ROUNDING = 1e-6; // [s]
+const MOST_WINDOWS = 16; // largest number of windows to keep; the oldest are dropped
+const PAUSE = 100; // pause between two requests for windows, to spare the server of the arm [ms]
+const ROUNDING = 1e-6; // largest rounding error of a time [s]
 const STEPS = new Set(["goal", "node", "plan", "schedule", "status"]);
 
 /** Events: `change` when the state has changed, `error` when a window cannot be loaded. */
 export class RecordedRun extends EventTarget {
-  /** The state at the moment that is shown. */
+  /** The state at the shown moment. */
   run = new Run();
-  /** What the run has done over time. */
+  /** The values of the run over time. */
   history = new History();
   /** From the beginning of the goal to the end of the recording [s]. */
   duration = 0;
@@ -44,19 +44,19 @@ export class RecordedRun extends EventTarget {
   #samples = { times_s: [], positions: {} };
   /** @type {Window[]} the oldest first */
   #windows = [];
-  /** @type {Window | null} that `run` is in */
+  /** @type {Window | null} window of the state in `run` */
   #window = null;
-  /** Number of events of that window that `run` has taken. */
+  /** Number of this window's events that are in `run`. */
   #taken = 0;
   #time = 0;
   #loading = false;
-  #gone = false; // the server has the recording no longer
+  #gone = false; // True if the server no longer has the recording
   /** @type {Promise<import("../arm/model.js").Robot> | undefined} */
   #robot;
 
   /**
-   * @param {string} name of the recording; empty if all events are here
-   * @param {string} [kind] what is shown
+   * @param {string} name of the recording; empty if all events are loaded
+   * @param {string} [kind] kind of run, in words
    */
   constructor(name, kind = "recorded") {
     super();
@@ -66,9 +66,9 @@ export class RecordedRun extends EventTarget {
   }
 
   /**
-   * Return a run all of whose events are here.
+   * Return a run from all its events.
    * @param {any[]} events the goal first
-   * @param {string} kind what is shown
+   * @param {string} kind kind of run, in words
    */
   static of(events, kind) {
     const made = new RecordedRun("", kind);
@@ -85,14 +85,14 @@ export class RecordedRun extends EventTarget {
   }
 
   /**
-   * Load what shows a moment.
-   * @param {number} [time] default: the end [s]
+   * Load the data for a moment, and show it.
+   * @param {number} [time] the moment; default: the end [s]
    */
   async open(time) {
     const about = await get(this.#path, null);
     this.duration = about.duration_s;
     this.#began = about.began_s;
-    if (!about.ended) this.kind = "recorded, without its end";
+    if (!about.ended) this.kind = "recorded, incomplete";
     const at = Math.min(time ?? this.duration, this.duration);
     const [series] = await Promise.all([get(`${this.#path}/series`, null), this.#load(at)]);
     this.#samples = series.commanded;
@@ -102,7 +102,7 @@ export class RecordedRun extends EventTarget {
   }
 
   /**
-   * Show a moment: at once if its window is here, else when it has come.
+   * Show a moment, at once or after its window is loaded.
    * @param {number} time from the beginning of the goal [s]
    */
   seek(time) {
@@ -110,28 +110,28 @@ export class RecordedRun extends EventTarget {
     const window = this.#find(time);
     if (window) this.#show(window);
     else this.#showSample();
-    const wanted = window ? window.to_s : time; // when it plays, the next window is needed soon
+    const wanted = window ? window.to_s : time; // while the run plays, the next window is needed soon
     if (!this.#loading && !this.#gone && !this.#find(Math.min(wanted, this.duration))) this.#loadAll(wanted);
     this.dispatchEvent(new Event("change"));
   }
 
-  /** @returns {Promise<import("../arm/model.js").Robot>} that of the recording, which is asked for once */
+  /** @returns {Promise<import("../arm/model.js").Robot>} robot of the recording, requested once */
   get robot() {
     return (this.#robot ??= getAtLast(`${this.#path}/robot`));
   }
 
-  /** @returns {import("./run.js").Schedule[]} the motions of the windows that are here */
+  /** @returns {import("./run.js").Schedule[]} the motions of the loaded windows */
   get motions() {
     return this.#windows.flatMap(({ events }) => events.filter((each) => each.event === "schedule"));
   }
 
-  /** @returns {boolean} True while the moment that is shown is not here yet */
+  /** @returns {boolean} True while the window of the shown moment is not loaded */
   get waits() {
     return this.#window === null;
   }
 
   /**
-   * Return the moment of the next step of the run, or of the previous one; undefined if there is none.
+   * Return the time of the next or the previous step of the run [s]; undefined if there is none.
    * @param {1 | -1} direction
    * @returns {number | undefined}
    */
@@ -151,13 +151,13 @@ export class RecordedRun extends EventTarget {
    * @returns {Window | undefined}
    */
   #find(time) {
-    const at = time + ROUNDING; // an event at the beginning of a window is in it
+    const at = time + ROUNDING; // a window contains events at its beginning
     return this.#windows.find(({ from_s, to_s }) => from_s <= at && (at < to_s || to_s >= this.duration));
   }
 
   /**
-   * Load a window, and then the one of the moment that is shown by then.
-   * @param {number} time that is in the window
+   * Load a window, and then the window of the moment that is shown after that.
+   * @param {number} time a time in the window [s]
    */
   async #loadAll(time) {
     this.#loading = true;
@@ -170,7 +170,7 @@ export class RecordedRun extends EventTarget {
     } catch (error) {
       this.#gone = error instanceof Refused && error.status === 404;
       this.dispatchEvent(new CustomEvent("error", { detail: error }));
-      return; // the next moment that is shown asks again
+      return; // the next `seek` tries again
     } finally {
       this.#loading = false;
     }
@@ -199,7 +199,7 @@ export class RecordedRun extends EventTarget {
   }
 
   /**
-   * Return whether an event of the window has happened at the moment that is shown.
+   * Return true if an event of the window is not after the shown moment.
    * @param {number} index
    */
   #takes(index) {
@@ -208,7 +208,7 @@ export class RecordedRun extends EventTarget {
   }
 
   #showSample() {
-    this.#window = null; // the rest of the state is of another moment
+    this.#window = null; // only the positions are of the shown moment
     const { times_s: times, positions } = this.#samples;
     const after = times.findIndex((time) => time > this.#time);
     const row = (after < 0 ? times.length : after) - 1;

@@ -1,4 +1,4 @@
-/** The state of the run that is shown, computed from events. It knows no element of the page. */
+/** The state of a run, computed from events. It is independent of the page's elements. */
 
 /** @typedef {import("../api.js").Cause} Cause */
 
@@ -32,14 +32,14 @@
  * @property {string} message
  * @property {number | null} began time of the last start [s]
  * @property {number | null} ended time of the last end [s]
- * @property {number} starts how often it started
+ * @property {number} starts number of its starts
  * @property {Record<string, string>} inputs values that it has read from keys and parameters, by port
  */
 
 /**
  * @typedef {object} Schedule The frames of a motion.
  * @property {Record<string, number>} start position by joint [rad or m]
- * @property {number[]} times when each frame is due, from the start of the motion [s]
+ * @property {number[]} times due time of each frame, from the start of the motion [s]
  * @property {string[]} frames
  * @property {number[]} sample_times [s]
  * @property {number[][]} samples positions of the joints of `start`
@@ -58,7 +58,7 @@
  */
 
 const MOVE = -1; // task number of a move
-const LONGEST = 4000; // characters of a message that are kept
+const LONGEST = 4000; // largest number of characters of a message
 
 const UNKNOWN = {
   status: "INVALID",
@@ -90,9 +90,9 @@ export class Run {
   world = [];
   /** @type {Map<string, any>} newest plan by group, in the order of time */
   plans = new Map();
-  /** When the goal began [s]. */
+  /** Time at which the goal began [s]. */
   began = 0;
-  /** Time from then to the newest event [s]. */
+  /** Time from the beginning of the goal to the newest event [s]. */
   length = 0;
   /** @type {Outcome | null} */
   outcome = null;
@@ -104,7 +104,7 @@ export class Run {
   changed = new Set();
 
   /**
-   * Take an event.
+   * Update the state with an event.
    * @param {any} event as the server sends it
    * @returns {boolean} True if another goal began
    */
@@ -149,7 +149,7 @@ export class Run {
   }
 
   /**
-   * Take the state of the goal, and that of the arm if no event of a goal has told it.
+   * Update the state of the goal, and the state of the arm if no event of a goal has set it.
    * @param {import("../connection.js").Status} status
    */
   updateStatus({ commanded, measured, goal, time_s }) {
@@ -161,8 +161,8 @@ export class Run {
   }
 
   /**
-   * Take the state of a goal, if it is this one. What has ended stays so: a status that was asked
-   * for before the end may come after it.
+   * Update the state of the goal. Ignore other goals, and all states after the end: a status from
+   * before the end may arrive later.
    * @param {Goal} goal
    */
   updateGoal(goal) {
@@ -173,7 +173,7 @@ export class Run {
   }
 
   /**
-   * Take the end of the goal, whose last events did not arrive. What ran was stopped.
+   * End the goal without its last events. Mark its running nodes as stopped.
    * @param {Goal} goal
    */
   end(goal) {
@@ -184,7 +184,7 @@ export class Run {
   }
 
   /**
-   * Take the nodes of the task, if the goal was refused before its tree had any.
+   * Add the nodes of the task, if the goal was refused before its tree had any nodes.
    * @param {Iterable<{ path: string }>} nodes parents first
    */
   addNodes(nodes) {
@@ -193,7 +193,7 @@ export class Run {
     this.#markRefused();
   }
 
-  /** Show the node that was refused before the run as failed, with those above it. */
+  /** Mark the node that was refused before the run as failed, and all nodes above it. */
   #markRefused() {
     const { node: path = "", message = "" } = this.outcome?.cause ?? {};
     const refused = this.nodes.get(path);
@@ -222,7 +222,7 @@ export class Run {
   }
 
   /**
-   * Take the state of another run of the same goal. Nodes stay the same objects.
+   * Copy the state of another run of the same goal. Nodes stay the same objects.
    * @param {Run} other
    */
   become(other) {
@@ -304,7 +304,7 @@ export class Run {
 }
 
 /**
- * Return how people call a goal.
+ * Return the title of a goal, for people.
  * @param {number} task
  * @param {string} [name]
  */
@@ -313,8 +313,8 @@ export function goalTitle(task, name = "") {
 }
 
 /**
- * Return where a frame leads. The last one leads to the end of its motion, which its positions may
- * only be near to.
+ * Return the target of a frame. The target of the last frame is the end of its motion, because its
+ * positions may be only near to that.
  * @param {any} sent event of the frame
  * @param {Schedule | null} schedule newest motion
  * @returns {number[]} positions of its joints [rad or m]
@@ -325,7 +325,7 @@ export function whereItLeads({ data, scheduled_s, positions }, schedule) {
 }
 
 /**
- * Return the state in an event that has the whole state of a node.
+ * Return the state of a node from an event that contains all of it.
  * @param {any} event
  */
 function stateOf({ status, message, began_s, ended_s, starts, inputs }) {

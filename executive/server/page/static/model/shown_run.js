@@ -1,4 +1,4 @@
-/** The run that is shown: the live one, or one that has ended, read from its recording. */
+/** The shown run: the live one, or a recorded one. */
 
 import { getAtLast, pathOf } from "../api.js";
 import { History } from "./history.js";
@@ -8,7 +8,7 @@ import { Run } from "./run.js";
 /** @typedef {import("./run.js").Schedule} Schedule */
 
 /**
- * @typedef {object} NodeFacts What the task's files say of a node.
+ * @typedef {object} NodeFacts Facts about a node, from the task's files.
  * @property {string} path
  * @property {string} kind
  * @property {string} file
@@ -18,18 +18,18 @@ import { Run } from "./run.js";
  */
 
 const DRY_RUN = "dry run: nothing moves";
-const MOST_EVENTS = 20_000; // of the live run that are kept; then old frames are dropped
+const MOST_EVENTS = 20_000; // largest number of events of the live run; then old frames are dropped
 const FREQUENT = new Set(["sent", "measured", "feedback", "log"]);
 
 /**
- * Events: `open` when another run is shown, `change` then and when more is known of it, `error` when
- * more of it cannot be read.
+ * Events: `open` when another run is shown, `change` then and when the run has new data, `error` when
+ * its data cannot be loaded.
  */
 export class ShownRun extends EventTarget {
   /** The run of the newest live events. */
   live = new Run();
   run = this.live;
-  /** What the run that is shown has done over time. */
+  /** The values of the shown run over time. */
   history = new History();
   #liveHistory = this.history;
   /** @type {Map<string, NodeFacts>} by path */
@@ -41,17 +41,17 @@ export class ShownRun extends EventTarget {
   /** @type {any[]} */
   #liveEvents = [];
   #asked = "";
-  /** @type {RecordedRun | null} what is being read; it is not shown if another run was asked for */
+  /** @type {RecordedRun | null} the run that is being loaded; it is not shown if another one is opened meanwhile */
   #opening = null;
 
-  /** @returns {boolean} True if the run that is shown is the live one */
+  /** @returns {boolean} True if the shown run is the live one */
   get isLive() {
     return this.run === this.live;
   }
 
   /**
-   * @returns {boolean} True if the recording is shown because no run is under way, not because the
-   *   user has opened it
+   * @returns {boolean} True if the page itself, not the user, has opened the recording, because no
+   *   run is under way
    */
   get isLast() {
     return Boolean(this.recorded?.name) && !this.#held;
@@ -68,13 +68,13 @@ export class ShownRun extends EventTarget {
     return this.run.schedule ? [this.run.schedule] : [];
   }
 
-  /** @returns {string} which run is shown; empty for the live one */
+  /** @returns {string} title and kind of the shown run; empty for the live one */
   get label() {
     return this.recorded ? `${this.run.title}, ${this.recorded.kind}` : "";
   }
 
   /**
-   * Take a live event.
+   * Update the live run with an event.
    * @param {any} event
    */
   update(event) {
@@ -89,7 +89,7 @@ export class ShownRun extends EventTarget {
     this.#changed();
   }
 
-  /** Say that more is known of the run. */
+  /** Report that the run has new data. */
   #changed() {
     this.run.addNodes(this.facts.values());
     this.dispatchEvent(new Event("change"));
@@ -105,7 +105,7 @@ export class ShownRun extends EventTarget {
   /**
    * Show a recorded run.
    * @param {string} name of the recording
-   * @param {number} [time] the moment to show; default: the end [s]
+   * @param {number} [time] moment to show; default: the end [s]
    * @param {boolean} [held] False to show the live run when a goal begins
    */
   async open(name, time, held = true) {
@@ -118,7 +118,7 @@ export class ShownRun extends EventTarget {
 
   /**
    * Show a dry run.
-   * @param {any[]} events as a run would have them
+   * @param {any[]} events in the form of a run's events
    */
   preview(events) {
     this.#opening = null;
@@ -126,7 +126,7 @@ export class ShownRun extends EventTarget {
     this.#showRecorded(RecordedRun.of(events, DRY_RUN));
   }
 
-  /** Show the live run so far, any moment of it, instead of what it does now. */
+  /** Show the events of the live run so far, so that the cursor can show any moment of it. */
   rewind() {
     if (!this.live.goalId) return;
     this.#held = false;
@@ -148,7 +148,7 @@ export class ShownRun extends EventTarget {
     this.#liveEvents.push(event);
   }
 
-  /** @returns {number} the length of what is known of the run [s] */
+  /** @returns {number} length of the known part of the run [s] */
   get length() {
     return this.recorded ? this.recorded.duration : this.live.length;
   }
@@ -176,7 +176,7 @@ export class ShownRun extends EventTarget {
     this.dispatchEvent(new Event("change"));
   }
 
-  /** Ask once for each goal what its files say. */
+  /** Request the facts about the nodes, once for each goal. */
   async #findFacts() {
     const { goalId, task } = this.run;
     if (this.#asked === goalId) return;

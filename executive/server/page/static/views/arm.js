@@ -12,9 +12,9 @@ import { loadLibraries } from "../libraries/load.js";
 /** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
 
 const GHOST = 0.35; // opacity of the measured arm
-const TURN = Math.PI / 18; // of the camera by a key [rad]
-const NEARER = 0.85; // distance of the camera after a key, of that before
-/** What keys do: how the camera turns to the left and up, and comes nearer. */
+const TURN = Math.PI / 18; // turn of the camera by one key [rad]
+const NEARER = 0.85; // distance of the camera after the key +, divided by the distance before
+/** Effect of each key: turn of the camera to the left, turn up, and approach. */
 const KEYS = /** @type {Record<string, [number, number, number]>} */ ({
   ArrowLeft: [1, 0, 0],
   ArrowRight: [-1, 0, 0],
@@ -38,22 +38,22 @@ export class ArmView {
   #stage = null;
   /** @type {ArmModel | null} */
   #model = null;
-  /** @type {ArmModel | null} the arm where a refused plan ends */
+  /** @type {ArmModel | null} the arm at the end of a refused plan */
   #refused = null;
-  /** @type {ArmModel | null} the arm where it was measured */
+  /** @type {ArmModel | null} the arm in its measured pose */
   #measured = null;
-  /** @type {ArmModel | null} the arm of the run that is compared */
+  /** @type {ArmModel | null} the arm of the compared run */
   #other = null;
   /** @type {import("three").Object3D[]} */
   #drawn = [];
-  /** @type {unknown[]} what was drawn last */
+  /** @type {unknown[]} values that were drawn last */
   #last = [];
 
   constructor() {
     for (const button of document.querySelectorAll("#views button"))
       button.addEventListener("click", () => this.#stage?.look(button.id.replace("view-", "")));
     this.#box.addEventListener("keydown", (event) => this.#key(event));
-    // The floor and the path have colours of the page.
+    // The floor and the path use colours of the page.
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       this.#stage?.setColors();
       this.#last = [];
@@ -99,7 +99,7 @@ export class ArmView {
     try {
       this.#stage = new Stage(three, this.#box, size);
     } catch {
-      setText(byId("no-3d", HTMLElement), "This browser shows no 3D, because WebGL is off.");
+      setText(byId("no-3d", HTMLElement), "This browser cannot show 3D, because WebGL is off.");
     }
   }
 
@@ -121,7 +121,7 @@ export class ArmView {
 
   /**
    * @param {ShownRun} shown
-   * @param {Run} posed whose pose is shown
+   * @param {Run} posed run with the pose to show
    */
   draw({ run, motions, planned }, { positions: pose, measured: there }) {
     const kind = planned ? "Planned" : "Commanded";
@@ -167,7 +167,7 @@ export class ArmView {
     for (const motion of motions) {
       const path = pathOf(this.#three, this.#model, motion, color);
       this.#stage.scene.add(path);
-      this.#stage.include(this.#model.root, path); // the arm is where its path ends
+      this.#stage.include(this.#model.root, path); // the arm is at the end of the path
       this.#drawn.push(path);
     }
     this.#drawRefusal(run);
@@ -181,7 +181,7 @@ export class ArmView {
     this.#stage.scene.add(this.#measured.root);
   }
 
-  /** Show where a refused plan would end, with the links of the message in red. @param {Run} run */
+  /** Show the goal of a refused plan, with the links of the message in red. @param {Run} run */
   #drawRefusal({ outcome, refused }) {
     if (!this.#model || !this.#stage || !this.#three || !this.#robot) return;
     const cause = outcome?.cause;
@@ -232,7 +232,7 @@ function valueOf(joint, pose) {
 }
 
 /**
- * Return about how large a robot is [m].
+ * Return the approximate size of a robot [m].
  * @param {Robot} robot
  */
 function sizeOf(robot) {

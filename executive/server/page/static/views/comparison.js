@@ -1,4 +1,4 @@
-/** Two recordings at one moment: what differs between them. */
+/** Two recordings at one moment, and their differences. */
 
 import { byId, element, isNew, setText } from "../dom.js";
 import { RecordedRun } from "../model/recorded_run.js";
@@ -35,7 +35,7 @@ export class Comparison extends EventTarget {
     return this.#other?.run ?? null;
   }
 
-  /** @returns {History | null} what the other run has done over time; null for none */
+  /** @returns {History | null} values of the other run over time; null for no other run */
   get history() {
     return this.#other?.history ?? null;
   }
@@ -48,7 +48,7 @@ export class Comparison extends EventTarget {
 
   /**
    * @param {ShownRun} shown
-   * @param {Recording[]} recordings those that are offered
+   * @param {Recording[]} recordings offered for the comparison
    */
   draw(shown, recordings) {
     this.#drawChoice(shown.recorded?.name ?? "", recordings);
@@ -99,7 +99,7 @@ export class Comparison extends EventTarget {
 }
 
 /**
- * Return what differs between two runs: name, value, other value, and difference.
+ * Return the differences of two runs: name, value, other value, and difference.
  * @param {Run} one
  * @param {Run} other
  * @param {Map<string, string>} units by joint
@@ -118,7 +118,7 @@ function differences(one, other, units) {
     if (its === undefined || Math.abs(value - its) < LEAST) return [];
     return [[joint, ...[value, its, value - its].map((each) => words(each, units.get(joint)))]];
   });
-  const same = one.task === other.task; // else no node is in both
+  const same = one.task === other.task; // different tasks have no common nodes
   const nodes = [...(same ? one.nodes.values() : [])].flatMap((node) => {
     const its = other.nodes.get(node.path)?.status ?? "INVALID";
     return its === node.status ? [] : [[node.name, mark(node.status)[1], mark(its)[1], ""]];

@@ -6,16 +6,16 @@ import { byId, setText, setUsable } from "../dom.js";
 /** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
 /** @typedef {import("../connection.js").Status} Status */
 
-/** Changes the run that is under way. */
+/** Controls the running goal. */
 export class Controls {
   #shown;
   #refresh;
-  #arm = ""; // state of its lifecycle
+  #arm = ""; // state of the arm's lifecycle
   #buttons = ["pause", "step", "resume"].map((name) => byId(name, HTMLButtonElement));
 
   /**
    * @param {ShownRun} shown
-   * @param {() => void} refresh asks the server for its status
+   * @param {() => void} refresh requests the status of the server
    */
   constructor(shown, refresh) {
     this.#shown = shown;
@@ -43,7 +43,7 @@ export class Controls {
     await this.#act("api/breakpoints", { node, on });
   }
 
-  /** Activate the arm, which may move it, unless it is stopped meanwhile. Configure it before. */
+  /** Configure the arm if needed, and activate it, which may move it. A stop meanwhile prevents this. */
   async activate() {
     const stops = knownStops();
     if (this.#arm === "unconfigured" && !(await this.#act("api/arm/configure"))) return;
@@ -53,7 +53,7 @@ export class Controls {
   /**
    * @param {string} path
    * @param {object} [body]
-   * @returns {Promise<boolean>} True if it was done
+   * @returns {Promise<boolean>} True if the server accepted it
    */
   async #act(path, body) {
     const found = await post(path, body).then(

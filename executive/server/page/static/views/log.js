@@ -1,4 +1,4 @@
-/** The lines of the run's log: filtered, and led by the time cursor. */
+/** The lines of the run's log: filtered, and marked up to the time cursor. */
 
 import { withoutIds } from "../api.js";
 import { byId, element } from "../dom.js";
@@ -7,9 +7,9 @@ import { byId, element } from "../dom.js";
 /** @typedef {import("../model/history.js").History} History */
 /** @typedef {History["lines"][number]} Line */
 
-const SHOWN = 500; // newest lines
-const LONGEST = 2000; // characters of a line
-const REQUEST = /^POST \/api\//; // a line of the server; other lines tell people what it did
+const SHOWN = 500; // largest number of shown lines
+const LONGEST = 2000; // largest number of characters of a line
+const REQUEST = /^POST \/api\//; // line about a request; other lines describe its effect
 const ENDS = /** @type {Record<string, string>} */ ({ SUCCEEDED: "is done", CANCELED: "is canceled", ABORTED: "failed" });
 const LEVELS = /** @type {[number, string][]} */ ([[40, "error"], [30, "warning"], [20, "info"], [0, "debug"]]);
 
@@ -22,13 +22,13 @@ export class LogView {
   /** @type {History | null} */
   #history = null;
   #filter = "";
-  /** @type {Line | undefined} the newest one that was drawn or filtered out */
+  /** @type {Line | undefined} the newest line that was drawn or filtered out */
   #newest;
   /** @type {{ time: number, item: HTMLElement }[]} */
   #shown = [];
   #past = 0; // number of shown lines up to the cursor
-  #grown = false; // since it was scrolled
-  #atEnd = true; // the user has not scrolled away from the newest line
+  #grown = false; // True if lines were added since the last `scroll`
+  #atEnd = true; // False if the user has scrolled away from the newest line
 
   /** @param {Cursor} cursor */
   constructor(cursor) {
@@ -45,7 +45,7 @@ export class LogView {
     });
   }
 
-  /** Only the list is reached by Tab; arrows reach the times of its lines. @param {KeyboardEvent} event */
+  /** Move the focus by arrows between the times of lines. Tab reaches only the list. @param {KeyboardEvent} event */
   #key(event) {
     const step = { ArrowDown: 1, ArrowUp: -1 }[event.key];
     if (!step) return;
@@ -69,7 +69,7 @@ export class LogView {
     this.#markTime();
   }
 
-  /** Show the newest line. This needs the layout of the page, so call it when all else is drawn. */
+  /** Show the newest line. Call this last, because it needs the layout of the page. */
   scroll() {
     if (this.#grown && this.#atEnd) this.#list.scrollTop = this.#list.scrollHeight;
     this.#grown = false;
@@ -104,7 +104,7 @@ export class LogView {
     return element("li", { "data-level": name, class: "later" }, at, words);
   }
 
-  /** Lines that come after the cursor are quiet. */
+  /** Grey out the lines after the cursor. */
   #markTime() {
     const after = this.#shown.findIndex(({ time }) => time > this.#cursor.time + 1e-6);
     const past = after < 0 ? this.#shown.length : after;
@@ -115,7 +115,8 @@ export class LogView {
 }
 
 /**
- * Return a line in the words of the page.
+ * Return a line for people: without identities, and with the page's words for the state of a goal.
+ * A line about a request gets the lowest level.
  * @param {Line} line
  * @returns {Line}
  */
@@ -125,9 +126,9 @@ function inWords(line) {
 }
 
 /**
- * Return whether a text has all words that are wanted, and none that follows a minus.
+ * Return true if a text has all given words, and no word that is given with a minus.
  * @param {string} text
- * @param {string} wanted in lower case
+ * @param {string} wanted the words, in lower case
  */
 function passes(text, wanted) {
   const lower = text.toLowerCase();

@@ -7,7 +7,7 @@ import { byId, element, setAttribute, setText, setUsable } from "../dom.js";
 
 const DEGREE = Math.PI / 180;
 const AXES = ["x", "y", "z"];
-const WAIT = 400; // after the last key on a slider [ms]
+const WAIT = 400; // pause after the last key on a slider [ms]
 
 /**
  * @typedef {object} Where What the server answers at `/api/where`.
@@ -34,15 +34,15 @@ export class MoveView {
   #step = byId("move-step", HTMLSelectElement);
   /** @type {Map<string, JointRow>} */
   #joints = new Map();
-  #timer = 0; // runs while a target may still be changed
+  #timer = 0; // timer of `WAIT`; 0 if it is not running
   #usable = false;
   /** @type {Status | null} */
   #status = null;
-  /** @type {Status | null} the newest one when the last move was sent; it does not know of the move */
+  /** @type {Status | null} the newest status before the last move, so it does not contain the move */
   #before = null;
   /** @type {string | null} identity of the last move; null until the server answers, empty for none */
   #own = "";
-  #stops = 0; // that the newest status counts
+  #stops = 0; // number of stops in the newest status
 
   constructor() {
     session.addEventListener("stop", () => this.#clear());
@@ -68,12 +68,12 @@ export class MoveView {
     const cause = goals.find((each) => each.goal_id === this.#own)?.result?.cause;
     if (cause) {
       setText(this.#note, cause.message);
-      this.#own = ""; // it is said once
+      this.#own = ""; // shows the message only once
     }
     const active = isSignedIn() && status?.arm === "active";
     const waits = active && (goal === null || this.#own === null || goal === this.#own);
     const stops = status?.stops ?? 0;
-    // A target waits for the end of a move of this tab, not for that of another goal or of a stop.
+    // A target waits for the end of this tab's own move. Another goal or a stop drops it.
     if (!waits || stops !== this.#stops) this.#clear();
     this.#stops = stops;
     this.#status = status;
@@ -185,7 +185,7 @@ export class MoveView {
 }
 
 /**
- * @param {HTMLInputElement} slider which is in steps, so it does not say the exact value
+ * @param {HTMLInputElement} slider which has steps, so it does not show the exact value
  * @param {HTMLElement} value
  * @param {string} words
  */

@@ -1,4 +1,4 @@
-/** The player of a recorded run: the moment that is shown, and what is done with the recording. */
+/** The player of a recorded run: the shown moment, and actions on the recording. */
 
 import { isSignedIn, pathOf, post, request, wordsOf } from "../api.js";
 import { byId, element, setAttribute, setText, setUsable } from "../dom.js";
@@ -7,8 +7,8 @@ import { byId, element, setAttribute, setText, setUsable } from "../dom.js";
 /** @typedef {import("../model/cursor.js").Cursor} Cursor */
 /** @typedef {import("./runs.js").Recording} Recording */
 
-const AT_END = 0.05; // less than that before the end is the end [s]
-const LONGEST_FRAME = 0.25; // of the screen; a hidden tab does not jump [s]
+const AT_END = 0.05; // a moment less than this before the end counts as the end [s]
+const LONGEST_FRAME = 0.25; // longest time that is played in one frame of the screen; a hidden tab has no frames [s]
 
 /** Events: `delete` with the name of a recording, `change` when a recording was pinned. */
 export class Player extends EventTarget {
@@ -57,7 +57,7 @@ export class Player extends EventTarget {
     setText(this.#note, wordsOf(error));
   }
 
-  /** @param {Recording[]} recordings those that are listed */
+  /** @param {Recording[]} recordings the listed recordings */
   draw(recordings) {
     const { recorded } = this.#shown;
     this.#panel.hidden = !recorded;
@@ -74,7 +74,7 @@ export class Player extends EventTarget {
     setAttribute(this.#moment, "aria-valuetext", words);
     setText(byId("moment-words", HTMLElement), words);
     setText(byId("player-name", HTMLElement), recorded.name);
-    byId("player-acts", HTMLElement).hidden = !recorded.name; // of a dry run
+    byId("player-acts", HTMLElement).hidden = !recorded.name; // a dry run has no recording
   }
 
   /** @param {string} recording */
@@ -120,7 +120,7 @@ export class Player extends EventTarget {
       ".": () => this.#step(1),
       k: () => this.#setPlaying(!this.#playing),
     });
-    // Elsewhere these keys have another meaning.
+    // Outside of the player, these keys have another meaning.
     if (event.target instanceof Node && this.#panel.contains(event.target)) {
       acts.Home = () => this.#cursor.seek(0);
       acts.End = () => this.#cursor.seek(this.#cursor.end);
@@ -131,7 +131,7 @@ export class Player extends EventTarget {
   }
 
   /**
-   * Act, and show the result, unless another recording is shown by then.
+   * Call a function, and show its result unless another recording is shown meanwhile.
    * @param {() => Promise<string | Node>} act
    */
   async #act(act) {
@@ -175,15 +175,15 @@ export class Player extends EventTarget {
   async #copyLink() {
     const link = `${location.origin}${location.pathname}${recordingHash(this.#recording, this.#cursor.time)}`;
     history.replaceState(null, "", link);
-    // Browsers have a clipboard only for this machine and over HTTPS.
-    if (!navigator.clipboard) return "The address of this page is that of this moment; copy it there.";
+    // Browsers allow the clipboard only on this machine and over HTTPS.
+    if (!navigator.clipboard) return "Copy the address of this page: it opens this moment.";
     await navigator.clipboard.writeText(link);
     return "The address of this moment is copied.";
   }
 }
 
 /**
- * Return whether keys go into a text field or a list.
+ * Return true if an element uses keys itself: a text field or a list.
  * @param {EventTarget | null} target
  */
 function isTyping(target) {
@@ -191,7 +191,7 @@ function isTyping(target) {
 }
 
 /**
- * Return the part of the address that names a recording, and a moment of it.
+ * Return the part of the address with a recording and a moment.
  * @param {string} recording
  * @param {number} [time] from the run's beginning [s]; default: its end
  */

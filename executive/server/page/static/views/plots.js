@@ -11,14 +11,14 @@ import { loadLibraries } from "../libraries/load.js";
 /** @typedef {import("../model/history.js").History} History */
 /** @typedef {import("../model/history.js").Series} Series */
 
-const PERIOD = 250; // between two drawings of a run that goes on [ms]
-const GROWTH = 1.25; // of the time that is shown, when the run has reached its end
-const HEIGHT = 120; // of a plot [px]
+const PERIOD = 250; // time between two drawings of a running goal [ms]
+const GROWTH = 1.25; // factor by which the time axis grows when a run reaches its end
+const HEIGHT = 120; // height of a plot [px]
 const AXIS = 56; // width of the axis on the left [px]
-const COLORS = 8; // --series-1 and so on in the style sheet
-const MEASURED = [4, 3]; // dashes of its lines [px]
-const OTHER = [1, 3]; // of the lines of a run that is compared [px]
-const SHORTEST = 0.05; // time that a plot shows at least [s]
+const COLORS = 8; // number of colours --series-1, --series-2 ... in the style sheet
+const MEASURED = [4, 3]; // dashes of lines of measured values [px]
+const OTHER = [1, 3]; // dashes of lines of the compared run [px]
+const SHORTEST = 0.05; // shortest time range of a plot [s]
 
 /** Shows the plots of one robot's runs. */
 export class PlotsView {
@@ -28,29 +28,29 @@ export class PlotsView {
   #cursor;
   /** @type {Libraries | null} */
   #libraries = null;
-  /** @type {Joint[]} that are drawn */
+  /** @type {Joint[]} the drawn joints */
   #joints = [];
-  /** @type {Joint[]} of the newest robot */
+  /** @type {Joint[]} the joints of the newest robot */
   #wanted = [];
-  /** @type {Set<string>} joints that are switched off */
+  /** @type {Set<string>} joints that the user has switched off */
   #off = new Set();
   /** @type {Plot[]} positions, velocities, lateness */
   #plots = [];
-  /** @type {History | null} that is drawn */
+  /** @type {History | null} the drawn values */
   #history = null;
-  /** @type {History | null} that was to be drawn last */
+  /** @type {History | null} the values of the last call of `draw` */
   #newest = null;
-  /** @type {History | null} of the run that is compared */
+  /** @type {History | null} the values of the compared run */
   #other = null;
   #layout = ""; // kinds of lines that the plots have
-  /** @type {[number, number] | null} the times that are shown [s]; null for all */
+  /** @type {[number, number] | null} the time range that the user has chosen [s]; null for all */
   #range = null;
   #grows = false;
-  /** False while the user has scrolled the plots away; then they cost nothing. */
+  /** False while the plots are outside of the window. They are then not drawn. */
   #visible = false;
-  #end = 1; // of the time that is shown, if no range is chosen [s]
+  #end = 1; // end of the time axis if no range is chosen [s]
   #drawn = "";
-  #second = 0; // whole seconds of the run when its phases were drawn
+  #second = 0; // length of the run when its phases were drawn, in whole seconds
   #time = -1;
   #last = 0;
   #timer = 0;
@@ -87,14 +87,14 @@ export class PlotsView {
   }
 
   /**
-   * @param {History} history of the run that is shown
-   * @param {boolean} grows True while the run goes on
-   * @param {History | null} other of the run that is compared; null for none
+   * @param {History} history of the shown run
+   * @param {boolean} grows True while the run continues
+   * @param {History | null} other of the compared run; null for none
    */
   draw(history, grows, other) {
     this.#newest = history;
     this.#grows = grows;
-    if (other !== this.#other) this.#drawn = ""; // two recordings may have the same versions
+    if (other !== this.#other) this.#drawn = ""; // two recordings may have equal version numbers
     this.#other = other;
     if (!this.#libraries || !this.#visible) return;
     this.#drawCursor();
@@ -127,7 +127,7 @@ export class PlotsView {
     if (this.#newest) this.draw(this.#newest, this.#grows, this.#other);
   }
 
-  /** @returns {number[][]} the dashes of the kinds of lines: commanded, measured, and those of the other run */
+  /** @returns {number[][]} dashes of each kind of line: commanded, measured, other run */
   #layers() {
     const measures = (this.#history?.measured.times.length ?? 0) > 0;
     return [[], ...(measures ? [MEASURED] : []), ...(this.#other ? [OTHER] : [])];
@@ -202,7 +202,7 @@ export class PlotsView {
     return plot;
   }
 
-  /** @param {Plot} plot in which the user has selected a range */
+  /** @param {Plot} plot with the range that the user has selected */
   #select(plot) {
     const { left, width } = plot.select;
     if (width > 0) this.#setRange([plot.posToVal(left, "x"), plot.posToVal(left + width, "x")]);
@@ -227,10 +227,10 @@ export class PlotsView {
     this.#setRange(length >= this.#cursor.end ? null : [begin, begin + length]);
   }
 
-  /** @returns {[number, number]} the times that are shown */
+  /** @returns {[number, number]} start and end of the time axis [s] */
   #shown() {
     const { end } = this.#cursor;
-    // The axis of a run that goes on stays for a while, so that the lines do not creep.
+    // The axis of a running goal grows in steps, so that the lines do not move all the time.
     if (!this.#grows) this.#end = Math.max(end, 0.1);
     else if (end > this.#end || end * GROWTH ** 2 < this.#end) this.#end = Math.max(end * GROWTH, 1);
     return this.#range ?? [0, this.#end];
@@ -299,8 +299,8 @@ export class PlotsView {
   }
 
   /**
-   * Return the limits of the joints that are shown, in the units of the plots.
-   * @param {(joint: Joint) => number[]} limitsOf those of a joint
+   * Return the limits of the shown joints, in the units of the plots.
+   * @param {(joint: Joint) => number[]} limitsOf returns the limits of a joint
    */
   #limits(limitsOf) {
     const shown = this.#joints.filter((joint) => !this.#off.has(joint.name));
@@ -324,7 +324,7 @@ export class PlotsView {
 
   /**
    * Show the time of the cursor, and the values at it.
-   * @param {boolean} [always] also if the time is the same
+   * @param {boolean} [always] True to draw also if the time is the same
    */
   #drawCursor(always = false) {
     const { time } = this.#cursor;
@@ -349,7 +349,7 @@ export class PlotsView {
   }
 
   /**
-   * Return a switch for a joint, which also says what its colour is.
+   * Return a checkbox that shows or hides a joint, with the joint's colour.
    * @param {Joint} joint
    * @param {number} index
    */
@@ -377,7 +377,7 @@ export class PlotsView {
 }
 
 /**
- * Draw dotted lines at limits, and name those that are beyond the plot.
+ * Draw dotted lines at limits, and show the nearest limits outside of the plot as text.
  * @param {Plot} plot
  * @param {Set<number>} limits
  * @param {string} color

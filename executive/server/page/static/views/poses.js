@@ -1,4 +1,4 @@
-/** The poses: moves to them, saves where the arm is, and removes them. */
+/** The poses: moves to poses, saves the pose of the arm, and removes poses. */
 
 import { getAtLast, isSignedIn, post, sendGoal, wordsOf } from "../api.js";
 import { byId, element, setAttribute, setText, setUsable } from "../dom.js";

@@ -1,4 +1,4 @@
-/** The recordings: searched, filtered, opened; and the goals and tasks that the server knows. */
+/** The recordings, with search, filters and deletion; and the goals and tasks of the server. */
 
 import { Refused, get, isSignedIn, pathOf, post, wordsOf } from "../api.js";
 import { byId, element, isNew, setAttribute, setText } from "../dom.js";
@@ -21,11 +21,11 @@ import { stateWords } from "./header.js";
  * @property {boolean} pinned
  */
 
-const SHOWN = 50; // of goals, and of recordings at a time
-const MOST = 150; // in one answer
-const WAIT = 200; // after the last key of a search [ms]
-const RETRY = 500; // after a request without an answer, and while a recording is being finished [ms]
-const DAY = 24 * 60 * 60 * 1000; // [ms]
+const SHOWN = 50; // number of goals to load, and of recordings to add to the list at once
+const MOST = 150; // largest number of recordings in one answer
+const WAIT = 200; // pause after the last key of a search [ms]
+const RETRY = 500; // time until the next request if one failed or a recording is being finished [ms]
+const DAY = 24 * 60 * 60 * 1000; // a day [ms]
 
 /** Events: `open` with the Recording to show, `change` when the lists may have changed. */
 export class RunsView extends EventTarget {
@@ -36,22 +36,22 @@ export class RunsView extends EventTarget {
   #day = byId("runs-day", HTMLInputElement);
   #more = byId("runs-more", HTMLButtonElement);
   #note = byId("runs-note", HTMLElement);
-  #timer = 0; // of a search
+  #timer = 0; // timer of a search
   #later = 0; // timer of a refresh
   #asked = 0;
   /** @type {Promise<void> | null} the refresh that is under way */
   #refreshing = null;
-  /** @type {Promise<void> | null} the one after it */
+  /** @type {Promise<void> | null} the next refresh */
   #next = null;
-  #wanted = SHOWN; // recordings to list
-  #error = ""; // why they could not be listed
+  #wanted = SHOWN; // number of recordings to list
+  #error = ""; // message if the recordings could not be listed
   /** @type {Goal[]} newest first */
   goals = [];
   /** @type {import("./tasks.js").Task[]} */
   tasks = [];
   /** @type {Recording[]} newest first */
   recordings = [];
-  /** @type {boolean | undefined} whether the server knows goals and tasks */
+  /** @type {boolean | undefined} true if the server has goals and tasks */
   hasArm;
 
   constructor() {
@@ -69,9 +69,9 @@ export class RunsView extends EventTarget {
   }
 
   /**
-   * Ask for the recordings, goals and tasks; again until all are answered and the recordings of
-   * ended goals are finished. Many short goals do not ask more often than the server answers.
-   * @returns {Promise<void>} when the answer to a request that begins now or later is here
+   * Load the recordings, goals and tasks. Repeat this until all requests succeed and the recordings
+   * of ended goals are finished. There is only one refresh at a time, also after many short goals.
+   * @returns {Promise<void>} resolved after a refresh that began with this call or later
    */
   refresh() {
     if (this.#refreshing) {
@@ -103,7 +103,7 @@ export class RunsView extends EventTarget {
     await this.#reload();
   }
 
-  /** @param {string} shown name of the recording that is shown; empty for none */
+  /** @param {string} shown name of the shown recording; empty for none */
   draw(shown) {
     const key = JSON.stringify([shown, isSignedIn(), this.recordings, this.goals]);
     if (!isNew(this.#list, key)) return;
@@ -128,7 +128,7 @@ export class RunsView extends EventTarget {
   async #restore(recording) {
     try {
       await post(`${pathOf(recording.name)}/restore`);
-      this.#search.focus(); // the button goes away
+      this.#search.focus(); // the focused button disappears
       setText(this.#note, `Restored ${nameOf(recording)}.`);
     } catch (error) {
       setText(this.#note, wordsOf(error));
@@ -136,13 +136,13 @@ export class RunsView extends EventTarget {
     await this.#reload();
   }
 
-  /** Ask for the recordings alone. */
+  /** Load only the recordings. */
   async #reload() {
     await this.#load();
     this.dispatchEvent(new Event("change"));
   }
 
-  /** @param {unknown} [error] why a request failed; what the server refuses is not asked for again */
+  /** @param {unknown} [error] cause of a failed request. A refused request is not repeated. */
   #refreshLater(error) {
     if (error instanceof Refused) return;
     clearTimeout(this.#later);
@@ -156,14 +156,14 @@ export class RunsView extends EventTarget {
     this.tasks = tasks;
   }
 
-  /** Ask for the recordings from the newest on, as many as are wanted. */
+  /** Load the newest recordings, as many as the list shows. */
   async #load() {
     const asked = (this.#asked += 1);
     const query = new URLSearchParams();
     if (this.#search.value.trim()) query.set("search", this.#search.value);
     if (this.#state.value) query.set("state", this.#state.value);
     if (this.#task.value) query.set("task", this.#task.value);
-    const day = new Date(`${this.#day.value}T00:00`).getTime(); // of this place
+    const day = new Date(`${this.#day.value}T00:00`).getTime(); // in local time
     if (this.#day.value && day >= 0) {
       query.set("since", `${BigInt(day) * 1_000_000n}`);
       query.set("until", `${BigInt(day + DAY) * 1_000_000n}`);
@@ -175,7 +175,7 @@ export class RunsView extends EventTarget {
         limit = Math.min(this.#wanted - found.length, MOST);
         query.set("limit", String(limit));
         const { recordings } = await get(`api/recordings?${query}`);
-        if (asked !== this.#asked) return; // another search was faster
+        if (asked !== this.#asked) return; // a later search has replaced this one
         found.push(...recordings);
         got = recordings.length;
         query.set("before", found.at(-1)?.name ?? "");
@@ -191,7 +191,7 @@ export class RunsView extends EventTarget {
   }
 
   /**
-   * Return how people call a goal.
+   * Return the title of a goal, for people.
    * @param {string} identity
    */
   titleOf(identity) {
@@ -201,7 +201,7 @@ export class RunsView extends EventTarget {
   }
 
   /**
-   * Return the state of the goal of a recording that is being written; its end is written last.
+   * Return the state of the goal of a recording that is being written, from the list of goals.
    * @param {string} name
    */
   #stateOf(name) {
@@ -210,7 +210,7 @@ export class RunsView extends EventTarget {
   }
 
   /**
-   * Return whether a run has ended whose recording is not finished yet.
+   * Return true if the run of a recording has ended, but the recording is still being finished.
    * @param {Recording} recording
    */
   isFinishing(recording) {
@@ -255,7 +255,7 @@ export class RunsView extends EventTarget {
 }
 
 /**
- * Return whether a recording is being written.
+ * Return true if a recording is being written.
  * @param {Recording} recording
  */
 export function isWritten({ code }) {
@@ -263,7 +263,7 @@ export function isWritten({ code }) {
 }
 
 /**
- * Return whether a recording is finished: its file, though its run may have been cut off.
+ * Return true if the file of a recording is finished. The run may have been cut off.
  * @param {Recording} recording
  */
 export function isFinished({ state, code }) {
@@ -271,7 +271,7 @@ export function isFinished({ state, code }) {
 }
 
 /**
- * Return how people call a recording.
+ * Return the title of a recording, for people.
  * @param {Recording} recording
  */
 export function nameOf({ title, name, stamp_ns }) {

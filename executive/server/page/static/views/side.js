@@ -10,7 +10,7 @@ import { mark } from "./tree.js";
 /** @typedef {import("./runs.js").RunsView} RunsView */
 
 /**
- * Return the place of a node in the task's files, and the places that lead there.
+ * Return the place of a node in the task's files, and the places that use its subtree.
  * @param {ShownRun} shown
  * @param {string} path
  */
@@ -26,7 +26,7 @@ function places(shown, path) {
 }
 
 /**
- * A button that leads to a node.
+ * Return a button that selects a node.
  * @param {string} path
  * @param {string} text
  */
@@ -39,7 +39,7 @@ function link(path, text) {
 /** @param {ShownRun} shown */
 export function drawRunning(shown) {
   const list = byId("running", HTMLElement);
-  const now = shown.live.active || shown.isLive; // what moves is never hidden
+  const now = shown.live.active || shown.isLive; // the page never hides a running goal
   const { running } = now ? shown.live : shown.run;
   setText(byId("running-title", HTMLElement), now ? "Running now" : "Running at this moment");
   const key = running.map((node) => `${node.path}\n${node.message}`).join("\n\n");
@@ -52,14 +52,14 @@ export function drawRunning(shown) {
 }
 
 /**
- * Show the goals that wait, each with a button that cancels it.
+ * Show the waiting goals, each with a button that cancels it.
  * @param {Status | null} status
  * @param {RunsView} runs
  */
 export function drawWaiting(status, runs) {
   const list = byId("waiting", HTMLElement);
   const waiting = status?.waiting ?? [];
-  const titles = waiting.map((identity) => runs.titleOf(identity)); // known once the goals are loaded
+  const titles = waiting.map((identity) => runs.titleOf(identity)); // titles are known after the goals are loaded
   if (!isNew(list, [...waiting, ...titles].join(" "))) return;
   const items = waiting.map((identity, index) => {
     const cancel = element("button", { type: "button" }, "Cancel");
@@ -84,7 +84,7 @@ export function drawFailure(shown) {
   const failure = `${run.goalId} ${cause?.message}`;
   const hasNode = cause ? run.nodes.has(cause.node) : false;
   if (!cause || !isNew(card, `${failure} ${place} ${hasNode}`)) return false;
-  const isOther = card.dataset.failure !== failure; // its place and node may come later
+  const isOther = card.dataset.failure !== failure; // the place and node of the same failure may arrive later
   card.dataset.failure = failure;
   card.replaceChildren(
     element("h2", {}, `${run.title} ${shown.planned ? "would fail" : "failed"}`),
@@ -102,7 +102,7 @@ export function drawFailure(shown) {
 }
 
 /**
- * Return a text with what is between backticks as code.
+ * Return a text with its parts in backticks as code.
  * @param {string} text
  */
 function withCode(text) {
@@ -139,7 +139,7 @@ export function drawNode(shown, path) {
 
 /**
  * @param {Record<string, string>} written values and keys in the files, by port
- * @param {Record<string, string>} read values that the run gave, by port
+ * @param {Record<string, string>} read values in the run, by port
  */
 function ports(written, read) {
   const names = Object.keys({ ...written, ...read });
@@ -149,7 +149,7 @@ function ports(written, read) {
 }
 
 /**
- * @param {string} written a value or a key; a value may be a default, instead of which the run gave another
+ * @param {string} written a value or a key in the files; the run may replace a value that is a default
  * @param {string | undefined} read
  */
 function portWords(written, read) {
@@ -158,7 +158,7 @@ function portWords(written, read) {
 }
 
 /**
- * A list of terms, without those that have no value.
+ * Return a list of names and values, without empty values.
  * @param {[string, string | Node][]} rows
  */
 function facts(rows) {

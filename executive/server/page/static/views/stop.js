@@ -1,4 +1,4 @@
-/** The STOP button. It needs no sign-in, and works from anywhere by Esc. */
+/** The STOP button. It needs no sign-in. The key Esc presses it from anywhere on the page. */
 
 import { Refused, get, post, session } from "../api.js";
 import { byId, setText } from "../dom.js";
@@ -10,21 +10,21 @@ const LOST = "STOP cannot reach the server. Switch the servo power off.";
 const UNPLUGGED = "The arm has no connection; switch off the power of its servos.";
 
 /**
- * @param {() => boolean} isReachable whether the server answers
- * @param {() => boolean} isPlugged whether the server can reach the arm
- * @param {() => void} stopped called when the answer to a stop has come, or none
+ * @param {() => boolean} isReachable returns true if the server answers
+ * @param {() => boolean} isPlugged returns true if the server can reach the arm
+ * @param {() => void} stopped called after the answer to a stop, or after its timeout
  * @returns {() => void} draws the button again
  */
 export function showStop(isReachable, isPlugged, stopped) {
   const button = byId("stop", HTMLButtonElement);
   const note = byId("stop-note", HTMLElement);
-  /** What the last stop did; empty if there was none. */
+  /** Result of the last stop; empty if there was none. */
   let answer = "";
   let stops = 0;
 
   function draw() {
     const lost = isReachable() ? "" : LOST;
-    if (lost) answer = ""; // it is old when the server is back
+    if (lost) answer = ""; // the result is old when the server is back
     const alarm = lost || (isPlugged() ? "" : UNPLUGGED);
     setText(note, alarm || answer || SAFETY);
     note.classList.toggle("alarm", Boolean(alarm) || answer.startsWith("STOP"));
@@ -37,7 +37,7 @@ export function showStop(isReachable, isPlugged, stopped) {
     button.classList.add("busy");
     draw();
     const result = await sendStop(stopped);
-    if (number !== stops) return; // a later stop reports
+    if (number !== stops) return; // only the latest stop shows its result
     answer = result;
     button.classList.remove("busy");
     draw();
@@ -64,8 +64,8 @@ export function showStop(isReachable, isPlugged, stopped) {
 
 /**
  * Stop the arm, and wait until every goal has ended.
- * @param {() => void} stopped called when the answer has come, or none
- * @returns {Promise<string>} what happened
+ * @param {() => void} stopped called after the answer, or after its timeout
+ * @returns {Promise<string>} the result, for people
  */
 async function sendStop(stopped) {
   try {

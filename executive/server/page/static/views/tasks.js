@@ -1,4 +1,4 @@
-/** The tasks: each with a form of its parameters, and what its last run did. */
+/** The tasks, each with a form of its parameters and the state of its last goal. */
 
 import { Refused, isSignedIn, post, sendGoal, wordsOf } from "../api.js";
 import { byId, element, isNew, reveal, setAttribute, setChildren, setText, setUsable } from "../dom.js";
@@ -11,7 +11,7 @@ import { stateWords } from "./header.js";
  * @typedef {object} Input A parameter.
  * @property {string} type
  * @property {string} unit of the limits
- * @property {Record<string, number>} units that a value may have, in the unit of the limits
+ * @property {Record<string, number>} units factor of each unit that a value may have, to the unit of the limits
  * @property {boolean} needed
  * @property {string} default as in a task file; empty for none
  * @property {number | null} least
@@ -36,13 +36,13 @@ const QUANTITY = /^([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?) ?([a-z]*)$/i;
 const POLICIES = /** @type {Record<string, string>} */ ({
   reject: "While a goal runs, another one is refused.",
   queue: "While a goal runs, others wait for its end.",
-  preempt: "A new goal stops the one that runs, and takes its place.",
+  preempt: "A new goal stops the running one and replaces it.",
 });
 
 /** Lists the tasks. Events: `preview` with the events of a dry run. */
 export class TasksView extends EventTarget {
   #list = byId("tasks", HTMLElement);
-  /** @type {Map<string, ReturnType<typeof taskItem>>} by what they show */
+  /** @type {Map<string, ReturnType<typeof taskItem>>} by their content */
   #items = new Map();
 
   /**
@@ -72,7 +72,7 @@ export class TasksView extends EventTarget {
   }
 
   /**
-   * Return an item by what it shows. One that shows the same stays, with what was typed into it.
+   * Return the item of a task, with its content as key. An unchanged item stays, with its typed text.
    * @param {Task} task
    * @returns {[string, ReturnType<typeof taskItem>]}
    */
@@ -110,7 +110,7 @@ function taskItem(task, preview) {
   let own = ""; // identity of the last goal of this form, until it ends
 
   /**
-   * Say what is wrong, at the field of an argument if one is wrong.
+   * Show a mistake, at the field of the argument if it is in an argument.
    * @param {string} words
    * @param {string} argument empty for none
    */
@@ -145,7 +145,7 @@ function taskItem(task, preview) {
   return {
     element: element("li", {}, element("details", {}, head, about, form)),
     /**
-     * Say at its field which argument of the form's goal was wrong.
+     * Show the mistake of the form's last goal at the field of the wrong argument.
      * @param {Goal[]} goals
      */
     settle(goals) {
@@ -184,7 +184,7 @@ function field(task, name, input) {
   const control = choices.length
     ? element("select", attributes, ...["", ...choices].map((each) => element("option", {}, each)))
     : element("input", { ...attributes, ...limits(input), required: input.needed });
-  /** Drop what the server has said of an earlier value. */
+  /** Clear the server's message about an earlier value. */
   function clear() {
     setText(note, "");
     control.removeAttribute("aria-invalid");
@@ -215,7 +215,7 @@ function range({ type, least, most, unit, units }) {
 }
 
 /**
- * Return what is wrong with a quantity; empty if nothing is, or if its type has no units.
+ * Return the mistake in a quantity; empty if there is none, or if its type has no units.
  * @param {string} text
  * @param {Input} input
  */

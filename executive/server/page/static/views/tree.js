@@ -1,13 +1,13 @@
-/** The tree of a run as an outline: folded, searched, followed, and moved through by keys. */
+/** The tree of a run as an outline, with folding, search, scrolling to the running node, and keys. */
 
 import { byId, element, setAttribute, setText } from "../dom.js";
 
 /** @typedef {import("../model/run.js").TreeNode} TreeNode */
 /** @typedef {import("../model/shown_run.js").ShownRun} ShownRun */
 
-const OPEN_UP_TO = 60; // nodes of a tree that is shown unfolded
-const ZOOM = 1.2; // from one size to the next
-const SIZES = 3; // smaller ones and larger ones than the first
+const OPEN_UP_TO = 60; // largest number of nodes of a tree that is shown unfolded
+const ZOOM = 1.2; // factor from one size to the next
+const SIZES = 3; // number of sizes below and above the first one
 const MARKS = /** @type {Record<string, [string, string]>} */ ({
   RUNNING: ["▶", "running"],
   SUCCESS: ["✓", "done"],
@@ -21,7 +21,7 @@ export function mark(status) {
   return MARKS[status] ?? ["?", status.toLowerCase()];
 }
 
-/** Events: `select` with the selected node, `open` when it was clicked, `break` with the path of a breakpoint to switch. */
+/** Events: `select` with the path of the selected node, `open` when it was clicked, `break` with the path of a breakpoint to set or clear. */
 export class TreeView extends EventTarget {
   #shown;
   #list = byId("tree", HTMLElement);
@@ -29,19 +29,19 @@ export class TreeView extends EventTarget {
   #follow = byId("follow", HTMLInputElement);
   /** @type {Map<string, HTMLElement>} */
   #rows = new Map();
-  /** @type {Map<string, boolean>} what the user has opened and closed, by path */
+  /** @type {Map<string, boolean>} nodes that were unfolded (true) or folded (false), by path */
   #opened = new Map();
-  /** @type {TreeNode[]} in the order of the rows */
+  /** @type {TreeNode[]} nodes with a row, in the order of the rows */
   #visible = [];
-  #folds = 0; // changes of these
-  /** @type {unknown[]} what was drawn last, besides the nodes */
+  #folds = 0; // number of changes of `#opened`
+  /** @type {unknown[]} values that were drawn last, besides the nodes */
   #last = [];
   #breakpoints = "";
   #goal = "";
   #followed = "";
-  #lost = ""; // path of the row that had the focus, until another goal has rows
-  #time = 0; // the moment that is shown [s]
-  #size = 0; // steps from the first size
+  #lost = ""; // path of the row that had the focus, while the tree has no rows
+  #time = 0; // the shown moment [s]
+  #size = 0; // number of steps from the first size
   selected = "";
 
   /** @param {ShownRun} shown */
@@ -60,7 +60,7 @@ export class TreeView extends EventTarget {
   }
 
   /**
-   * Select a node, and unfold what is above it.
+   * Select a node, and unfold all nodes above it.
    * @param {string} path
    */
   reveal(path) {
@@ -73,8 +73,8 @@ export class TreeView extends EventTarget {
   }
 
   /**
-   * @param {string[]} [breakpoints] paths; default those of the last time
-   * @param {number} [time] the moment that is shown [s]; default that of the last time
+   * @param {string[]} [breakpoints] paths; default: as in the last call
+   * @param {number} [time] the shown moment [s]; default: as in the last call
    */
   draw(breakpoints, time = this.#time) {
     const { run, facts } = this.#shown;
@@ -115,7 +115,7 @@ export class TreeView extends EventTarget {
   }
 
   /**
-   * Focus a row, or the nearest one above it that is not folded away, or the first one.
+   * Focus a row, or else the row of its nearest visible ancestor, or else the first row.
    * @param {string} path
    */
   #refocus(path) {
@@ -126,7 +126,7 @@ export class TreeView extends EventTarget {
     this.#lost = node ? "" : path;
   }
 
-  /** Show the node that runs, or the one that failed the run. This needs the layout of the page, so call it when all else is drawn. */
+  /** Scroll to the running node, or to the node that failed. Call this last, because it needs the layout of the page. */
   scroll() {
     const { running, outcome } = this.#shown.run;
     const path = running.at(-1)?.path ?? outcome?.cause?.node ?? "";
@@ -235,7 +235,7 @@ export class TreeView extends EventTarget {
     setAttribute(row, "aria-selected", String(node.path === this.selected));
   }
 
-  /** Show how long nodes have been running. */
+  /** Show the running time of nodes. */
   #drawTimes() {
     const { run, planned } = this.#shown;
     if (planned) return;
@@ -262,7 +262,7 @@ export class TreeView extends EventTarget {
     this.dispatchEvent(new CustomEvent("select", { detail: path }));
   }
 
-  /** Only one row is reached by Tab; arrows reach the others. */
+  /** Let Tab reach only one row. Arrows reach the other rows. */
   #keepOneTabStop() {
     const stop = this.#rows.get(this.selected);
     const first = stop?.isConnected ? stop : this.#list.firstElementChild;
@@ -330,7 +330,7 @@ export class TreeView extends EventTarget {
 }
 
 /**
- * Return the nodes that run, were stopped, or failed and with them the node above.
+ * Return the nodes that run or were stopped, and each failed node if all nodes above it failed too.
  * @param {Iterable<TreeNode>} nodes parents first
  * @param {boolean} planned True for a dry run, which ends at the first failure
  * @returns {Set<TreeNode>}
@@ -372,7 +372,7 @@ function addWithAncestors(node, found) {
 }
 
 /**
- * Return how long a node took, and how often it started.
+ * Return the duration of a node, and the number of its starts.
  * @param {TreeNode} node
  */
 function duration(node) {
