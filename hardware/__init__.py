@@ -34,11 +34,7 @@ if typing.TYPE_CHECKING:
     from .description.robot import CollisionRules as CollisionRules, Robot as Robot, Tool as Tool
     from .description.robot_file import load_robot as load_robot, shipped_robots as shipped_robots
     from .drivers.board_protocol import BoardProtocol as BoardProtocol, Measurement as Measurement
-    from .drivers.firmware_profile import (
-        Ability as Ability,
-        Firmware as Firmware,
-        Words as Words,
-    )
+    from .drivers.firmware_profile import Ability as Ability, Firmware as Firmware, Words as Words
     from .drivers.virtual.in_process_link import BoardLink as BoardLink
     from .drivers.wire_format import Frame as Frame
     from .errors import (

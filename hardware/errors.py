@@ -230,10 +230,7 @@ class PortLost(LinkError):
     hint = f"check the cable, then {ACTIVATE_AGAIN}"
 
     def __init__(self, port: str, why: str) -> None:
-        super().__init__(
-            port,
-            f"{why}: the port {port} is gone. Check the cable and the power",
-        )
+        super().__init__(port, f"{why}: the port {port} is gone. Check the cable and the power")
 
 
 class PortStalled(LinkError):

@@ -10,15 +10,7 @@ from pathlib import Path
 from hardware import Arm, RealClock, Robot
 from hardware.description.neighbours import shape_warnings
 from hardware.spelling import closest, did_you_mean, suggested
-from skills import (
-    BadTarget,
-    Context,
-    Positions,
-    Skill,
-    SkillError,
-    WorldChange,
-    joint_errors,
-)
+from skills import BadTarget, Context, Positions, Skill, SkillError, WorldChange, joint_errors
 from skills.motion import Pool
 
 from .analysis.collisions import CollisionChecks

@@ -4,15 +4,7 @@ import json
 
 import click
 
-from .settings import (
-    FILE,
-    SETTINGS,
-    environment_name,
-    files,
-    find_setting,
-    read_files,
-    user_file,
-)
+from .settings import FILE, SETTINGS, environment_name, files, find_setting, read_files, user_file
 from .support.command_group import command
 from .terminal.streams import echo
 

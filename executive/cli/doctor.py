@@ -16,12 +16,7 @@ from executive.code_table import exit_status
 from .settings import PATH, given_options
 from .support.command_group import command
 from .support.names import first_motion, load_library
-from .support.options import (
-    port_option,
-    recordings_option,
-    robot_option,
-    trees_option,
-)
+from .support.options import port_option, recordings_option, robot_option, trees_option
 from .terminal.streams import echo
 
 if TYPE_CHECKING:

@@ -129,11 +129,7 @@ class _Run:
 
     async def _put(self, question: QuestionStatus) -> None:
         """Put a question to the person, and answer it with their words."""
-        state = {
-            "goal": self._goal_id,
-            "question": question.question_id,
-            "asked": [*self._asked],
-        }
+        state = {"goal": self._goal_id, "question": question.question_id, "asked": [*self._asked]}
         text = f"The task asks: {question.text}"
         words = await self._person.ask(text, question.choices, state)
         await self.answer(question.question_id, words)

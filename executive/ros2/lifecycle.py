@@ -3,12 +3,7 @@
 from typing import Any
 
 from lifecycle_msgs.msg import State as RosState, Transition, TransitionDescription, TransitionEvent
-from lifecycle_msgs.srv import (
-    ChangeState,
-    GetAvailableStates,
-    GetAvailableTransitions,
-    GetState,
-)
+from lifecycle_msgs.srv import ChangeState, GetAvailableStates, GetAvailableTransitions, GetState
 
 import logs
 from executive.api.events import Event

@@ -27,10 +27,7 @@ class _Gauges(Collector):
         for state in State:
             arm.add_metric([state.value], float(state is snapshot.arm))
         yield arm
-        for kind, positions in (
-            ("commanded", snapshot.commanded),
-            ("measured", snapshot.measured),
-        ):
+        for kind, positions in (("commanded", snapshot.commanded), ("measured", snapshot.measured)):
             words = f"{kind.capitalize()} position of a joint."
             joints = GaugeMetricFamily(f"armtree_{kind}_radians", words, labels=["joint"])
             for joint, position in (positions or {}).items():

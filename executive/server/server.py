@@ -30,12 +30,7 @@ from .http.endpoints import Endpoints
 from .http.recording_endpoints import RecordingEndpoints
 from .limits.acceptor import Acceptor
 from .limits.cancel_thread import CancelThread
-from .limits.connections import (
-    MAX_HEAD,
-    HttpConnection,
-    SharedState,
-    WebSocketConnection,
-)
+from .limits.connections import MAX_HEAD, HttpConnection, SharedState, WebSocketConnection
 from .limits.fair_queue import FairQueue
 from .rosbridge.bridge import RosbridgeServer
 from .security import AccessRules, host_names, is_loopback

@@ -8,13 +8,7 @@ from contextlib import suppress
 
 from hardware.description.guards import Guards
 from hardware.drivers.board_protocol import Measurement
-from hardware.errors import (
-    JointNotFollowing,
-    JointStalled,
-    NotArrived,
-    ServoTooHot,
-    SupplyTooLow,
-)
+from hardware.errors import JointNotFollowing, JointStalled, NotArrived, ServoTooHot, SupplyTooLow
 from hardware.joints import Joint
 
 logger = logging.getLogger(__name__)

@@ -7,13 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from logs.errors import (
-    LogError,
-    RecordingCut,
-    RecordingError,
-    RecordingInUse,
-    RecordingTruncated,
-)
+from logs.errors import LogError, RecordingCut, RecordingError, RecordingInUse, RecordingTruncated
 from logs.records.file_format import MAGIC, is_journal
 
 from .recording import Recording

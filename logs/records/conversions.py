@@ -156,10 +156,7 @@ def transition_event(change: Transition, stamp: Stamp) -> Message:
     """Return a transition as TransitionEvent. Its number is 0 if nothing changed."""
     return Message(
         timestamp=stamp.time_ns,
-        transition=Message(
-            id=transition_number(change.start, change.label),
-            label=change.label,
-        ),
+        transition=Message(id=transition_number(change.start, change.label), label=change.label),
         start_state=_state(change.start),
         goal_state=_state(change.goal),
     )
@@ -180,12 +177,7 @@ def log_message(line: LogLine, stamp: Stamp) -> Message:
 
 
 def _serial_frame(data: bytes, direction: int, stamp: Stamp) -> Message:
-    return Message(
-        seq=stamp.sequence,
-        direction=direction,
-        data=data,
-        text=wire_text(data),
-    )
+    return Message(seq=stamp.sequence, direction=direction, data=data, text=wire_text(data))
 
 
 def _joint_state(record: Sent | LeaderState, header: Message) -> Message:

@@ -249,10 +249,7 @@ def _reserve(folder: Path) -> IO[bytes] | None:
 
 
 def _described(topic: Topic, name: str, number: int) -> mcap.Channel:
-    facts = {
-        "offered_qos_profiles": offered_qos(topic),
-        "topic_type_hash": type_hash(topic.type),
-    }
+    facts = {"offered_qos_profiles": offered_qos(topic), "topic_type_hash": type_hash(topic.type)}
     return mcap.Channel(number, name, "cdr", facts, _SCHEMAS[topic.type])
 
 

@@ -58,12 +58,7 @@ class Mesh:
 
 
 Shape = Box | Sphere | Cylinder | Mesh
-_SHAPES: dict[str, type[Shape]] = {
-    "box": Box,
-    "sphere": Sphere,
-    "cylinder": Cylinder,
-    "mesh": Mesh,
-}
+_SHAPES: dict[str, type[Shape]] = {"box": Box, "sphere": Sphere, "cylinder": Cylinder, "mesh": Mesh}
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,13 +5,7 @@ from dataclasses import dataclass, replace
 
 from hardware.spelling import closest, suggestion
 from trees.errors import Correction, Mistakes, Place
-from trees.reading.document import (
-    REFUSED,
-    Located,
-    StandIn,
-    calculates,
-    reference,
-)
+from trees.reading.document import REFUSED, Located, StandIn, calculates, reference
 from trees.reading.grammar import TaskFile
 from trees.reading.lines import declared_above
 from trees.reading.specs import Key, Value

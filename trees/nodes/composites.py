@@ -10,16 +10,7 @@ from py_trees.common import Status
 from skills import Context
 from trees.declarations import Declaration
 
-from .kind import (
-    ControlNodeKind,
-    Element,
-    Flow,
-    Node,
-    Options,
-    PossibleOutcomes,
-    all_of,
-    any_of,
-)
+from .kind import ControlNodeKind, Element, Flow, Node, Options, PossibleOutcomes, all_of, any_of
 
 # Period in which nodes without memory repeat their conditions while a later child runs [s].
 RECHECK_PERIOD = 0.1

@@ -8,15 +8,7 @@ from py_trees.decorators import Decorator
 
 from skills import Context, Skill
 
-from .kind import (
-    ControlNodeKind,
-    Element,
-    Node,
-    Options,
-    PossibleOutcomes,
-    count,
-    duration,
-)
+from .kind import ControlNodeKind, Element, Node, Options, PossibleOutcomes, count, duration
 
 # Least time between two rounds of a loop, so that a loop of instant nodes causes little load [s].
 LEAST_ROUND = 0.005

@@ -9,16 +9,7 @@ from py_trees.composites import Composite
 from skills import Context
 from trees.declarations import Declaration
 
-from .kind import (
-    ControlNodeKind,
-    Element,
-    Flow,
-    Node,
-    Options,
-    PossibleOutcomes,
-    all_of,
-    any_of,
-)
+from .kind import ControlNodeKind, Element, Flow, Node, Options, PossibleOutcomes, all_of, any_of
 
 
 class Join(Composite):

@@ -12,15 +12,7 @@ from hardware.spelling import choices, closest, did_you_mean, there_are
 from trees.declarations import ANY, LIST, TYPES, UNITS, Declaration, type_fits, words
 from trees.errors import Correction, Mistake, Place
 
-from .document import (
-    REFUSED,
-    Located,
-    StandIn,
-    calculates,
-    nested,
-    no_calculation,
-    reference,
-)
+from .document import REFUSED, Located, StandIn, calculates, nested, no_calculation, reference
 from .lines import as_mapping, block, replaced_block, retyped
 
 _NUMBER = r"([-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?)"

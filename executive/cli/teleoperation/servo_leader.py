@@ -4,15 +4,7 @@ import math
 from contextlib import suppress
 from dataclasses import replace
 
-from hardware import (
-    Ability,
-    Arm,
-    HardwareError,
-    Link,
-    RealClock,
-    Robot,
-    State,
-)
+from hardware import Ability, Arm, HardwareError, Link, RealClock, Robot, State
 from skills import Blocked
 
 

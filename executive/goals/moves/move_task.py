@@ -8,13 +8,7 @@ from pathlib import Path
 from executive.api.move import HOME, LEADER, Move
 from hardware import Robot
 from logs import MOVE
-from skills import (
-    BadTarget,
-    Positions,
-    combine_errors,
-    joint_errors,
-    tool_target_errors,
-)
+from skills import BadTarget, Positions, combine_errors, joint_errors, tool_target_errors
 from skills.motion.query import MIN_SPEED
 from trees.reading.grammar import Draft, draft_subtree
 
