@@ -37,7 +37,7 @@ from .support.options import run_options, source_options
     "origins",
     metavar="URL",
     multiple=True,
-    help="Web page that may connect: http://NAME:PORT. May be repeated.",
+    help="Origin of web pages that may connect: http://NAME:PORT. May be repeated.",
 )
 @click.option(
     "--expose",

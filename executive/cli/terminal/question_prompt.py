@@ -30,7 +30,8 @@ class Terminal:
         self._lines: deque[str] = deque()
         self._reader: threading.Thread | None = None
         self._ended = False
-        # Reading in the background of a shell would suspend the process, and stop the arm.
+        # A process that reads while it is in the background of a shell would be suspended, and the
+        # arm would stop.
         signal.signal(signal.SIGTTIN, signal.SIG_IGN)
 
     def ask(self, question: Question) -> None:
