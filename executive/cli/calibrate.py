@@ -31,7 +31,7 @@ _PERIOD = 0.05  # time between readings of the servos [s]
 @command()
 @port_option
 @robot_option
-@click.option("--ids", is_flag=True, help="Give the servos their ids, one after the other.")
+@click.option("--ids", is_flag=True, help="Write the id of each servo, one servo at a time.")
 @click.option(
     "--centre",
     is_flag=True,
@@ -59,8 +59,8 @@ def calibrate(
 
     The command first switches the torque off, so hold the arm. A table shows how far each joint was
     turned, and its range in the URDF. The result is a file in the folder of the robot file, or in
-    ~/.config/armtree for a shipped robot. The file has the range of each joint. The middle of
-    this range is the middle of the joint's limits.
+    ~/.config/armtree for a shipped robot. The file has the range of each joint. The servo position
+    in the middle of this range counts as the middle of the joint's limits.
 
     Only this command writes to the memory that servos keep without power. It shows the values,
     asks before it writes them, and reads them back.
@@ -102,7 +102,7 @@ def calibrate(
                     echo(text, whole=True)
                 _finish(arm, calibrator, calibrator.kept(centre), "swept by hand")
         finally:
-            echo("Servos have no torque: hold the arm.")  # some or all
+            echo("Servos have no torque: hold the arm.")  # some of the servos, or all
     given = {"--robot": robot, "--port": port}
     words = [word for name, value in given.items() if value for word in (name, str(value))]
     echo("Next, type:")

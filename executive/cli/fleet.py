@@ -183,7 +183,7 @@ def join(server: str, url: str, pool: str, name: str, page: str | None, child: b
 
 @fleet.command()
 @click.argument("task", type=TASK)
-@click.option("--pool", metavar="POOL", default=POOL, show_default=True, help="Pool that runs it.")
+@click.option("--pool", metavar="POOL", default=POOL, show_default=True, help="Pool for TASK.")
 @set_option
 @click.option(
     "--id",
@@ -215,7 +215,8 @@ def join(server: str, url: str, pool: str, name: str, page: str | None, child: b
 @click.option(
     "--wait",
     is_flag=True,
-    help="Wait for the end of the job, and exit with the status of its run. Ctrl-C cancels it.",
+    help="Wait for the end of the job, and exit with the status of its run. Ctrl-C cancels the "
+    "job.",
 )
 @_JSON
 @_FLEET

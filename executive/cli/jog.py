@@ -52,7 +52,7 @@ def jog(server: str | None, speed: float, **options: Any) -> None:
 
 
 def saving(robot: "Robot", folder: Path) -> "dict[str, tuple[KeyCommand, Act]]":
-    """Return the command of the key s. It saves a pose of the robot to a folder of tasks."""
+    """Return the command that saves a pose to a folder of tasks, in a dictionary by its key."""
     from executive.goals.moves.poses import save_where
     from trees.writing.saved_poses import PoseExists
 

@@ -132,7 +132,7 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
         facts.append(("cause", f"{result.code}: {result.message}"))
         queued = f", {found.waited:.3f} s of it in the queue" if found.waited else ""
         facts.append(("duration", f"{result.duration:.3f} s{queued}"))
-    facts.append(("frames", f"{found.frames}, {found.holds} of them holds"))
+    facts.append(("frames", f"{found.frames}, {found.holds} of them hold the arm"))
     if late := found.late:
         middle = median_low(late.elements())
         facts.append(("lateness", f"{middle:.2f} ms median, {max(late):.2f} ms at most"))

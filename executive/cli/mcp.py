@@ -24,7 +24,7 @@ from .terminal.streams import echo
     help="Serve HTTP at http://127.0.0.1:PORT/mcp. Clients send the token of the server.",
 )
 @click.option(
-    "--allow-move", is_flag=True, help="Also offer the tool move: joints, or a point for the tool."
+    "--allow-move", is_flag=True, help="Also offer `move`, to move joints or the tool of the arm."
 )
 @robot_option
 @option("server", default=local_server)

@@ -38,7 +38,10 @@ from .terminal.streams import echo
     help="Factor of the speed: 2 is twice as fast. With --on: 0.01 to 1.",
 )
 @click.option(
-    "--at", type=AT_LEAST_0, metavar="SECONDS", help="With --watch: show only this time [s]."
+    "--at",
+    type=AT_LEAST_0,
+    metavar="SECONDS",
+    help="With --watch: show only this time [s].",
 )
 @click.option(
     "--jobs",

@@ -13,7 +13,7 @@ from .support.options import run_options, source_options
 
 @command()
 @source_options
-@click.option("--activate", is_flag=True, help="Activate the arm at once. This may move it.")
+@click.option("--activate", is_flag=True, help="Activate the arm at once. This may move the arm.")
 @option("policy")
 @click.option(
     "--bind",

@@ -50,7 +50,7 @@ def _with_client(function: Callable[..., None]) -> Callable[..., None]:
 
 @command()
 @click.argument("task", type=TASK)
-@click.option("--wait", is_flag=True, help="Show the run until it ends. Ctrl-C cancels it.")
+@click.option("--wait", is_flag=True, help="Show the run until it ends. Ctrl-C cancels the goal.")
 @click.option(
     "--deadman",
     is_flag=True,

@@ -146,7 +146,7 @@ def _explain_plan(robot: Robot, plan: Plan, via: int, first: float) -> Iterator[
     else:
         yield f"Path      {'straight' if plan.duration else 'none: the arm is at the goal already'}"
     yield f"Duration  {plan.duration:.3f} s; a straight line would take {straight:.3f} s{longer}"
-    yield f"Found in  {_times(plan.milliseconds)}; the first time in {first:.2f} ms"
+    yield f"Planned   in {_times(plan.milliseconds)}; the first planning took {first:.2f} ms"
     for limit in limits_met(plan):
         value = robot.joint(limit.joint).words(limit.value) + (
             "/s" if limit.kind == "speed" else "/s²"

@@ -20,7 +20,7 @@ class Motion:
 
     Attributes:
         query: The planning query.
-        left_out: Bodies that are left out of its world, because their pose is known only in a run.
+        left_out: Bodies that the world lacks, because their pose is known only in a run.
         assumed_start: True if the start is known only in a run. The query then starts at the end of
             the previous motion.
         node: Path of the node with the target; empty for a motion without a task.

@@ -43,7 +43,7 @@ def configured(ctx: click.Context) -> Mapping[str, Configured]:
         BadConfiguration: A file is wrong.
     """
     found, wrong = read_files(ctx)
-    if wrong and not ctx.resilient_parsing:  # completion in a shell goes on in spite of mistakes
+    if wrong and not ctx.resilient_parsing:  # completion in a shell ignores them
         from executive.errors import BadConfiguration  # slow to import
 
         raise BadConfiguration("\n".join(wrong))

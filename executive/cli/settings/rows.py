@@ -107,7 +107,7 @@ SETTINGS = {
         type=Finite(-1),
         default=Setup.result_timeout,
         metavar="SECONDS",
-        help="How long a result is kept [s]; -1 to keep it until there are 1000 newer ones.",
+        help="How long a result is kept [s]; -1 to keep it until there are 1000 newer results.",
     ),
     "seed": Setting(metavar="N", type=Whole(1), default=Setup.seed, help="Seed of the planner."),
     "workers": Setting(
@@ -127,7 +127,7 @@ SETTINGS = {
     "keep_mb": Setting(
         metavar="MB",
         type=AT_LEAST_0,
-        help="Delete the oldest recordings to keep at most this size of recordings [MB].",
+        help="Delete the oldest recordings, so that all have at most this size together [MB].",
     ),
 }
 

@@ -178,5 +178,5 @@ class CommandGroup(click.Group):
 
 
 def _name(place: str) -> str:
-    """Return the name of a command from the place of its function."""
+    """Return the name of a command from its module and function, such as `move.home`."""
     return place.partition(".")[2].rstrip("_").replace("_", "-")

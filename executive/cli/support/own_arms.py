@@ -113,7 +113,7 @@ def _find(file: Path, stack: ExitStack) -> OwnRun | None:
 
 
 def _locked(stream: TextIO) -> bool:
-    """Return True if a command holds the lock of its file. This function takes a shared lock."""
+    """Return True if a command holds the lock of its file. Shared locks, as here, do not count."""
     try:
         fcntl.lockf(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except (BlockingIOError, PermissionError):  # lockf(3) raises one or the other
@@ -146,7 +146,7 @@ def server_at_port() -> str:
 
 
 def local_server() -> str:
-    """Return the URL of the running server of this user, else of a server at the port of settings.
+    """Return the URL of the running server of this user, else of a server at the set TCP port.
 
     Raises:
         Refusal: Several servers run, and none is at that port.

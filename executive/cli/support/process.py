@@ -27,7 +27,7 @@ _FORBIDDEN = {"_exit": _END, "execv": _END, "execve": _END, "chdir": _LEAVE, "fc
 
 @atexit.register  # the command line imports this file first, so Python calls this function last
 def _ignore_signals() -> None:
-    """Ignore signals. After Python has removed its handlers, they would change the exit status."""
+    """Ignore signals: when Python has removed its handlers, a signal would change the status."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
 

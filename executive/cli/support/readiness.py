@@ -1,4 +1,4 @@
-"""Checks of everything that a run needs. They move nothing."""
+"""Checks of everything that a run needs. Only a check that opens the port may move the arm."""
 
 import tempfile
 from collections.abc import Iterator
@@ -41,7 +41,7 @@ def check_readiness(
     """Yield the result of each check.
 
     Args:
-        robot_file: Robot file; None for the shipped robot.
+        robot_file: Robot file; None for the default robot.
         port: Serial port; None for the port of the robot file.
         trees: Folder with further tasks, or None.
         recordings: Folder for recordings.
@@ -111,7 +111,7 @@ def _planner(robot: Robot) -> Check:
         return Check("planner", False, why, remedy, answer.code)
     if isinstance(answer, MotionError):
         return Check("planner", False, str(answer), code=answer.code)
-    free = f"a worker has loaded the robot; the {pose} is free of collisions"
+    free = f"a planner process has loaded the robot; the {pose} is free of collisions"
     return Check("planner", True, free)
 
 
@@ -196,7 +196,7 @@ def _open(robot: Robot, port: str) -> Check:
         return Check("board", False, f"{error}; {_heard(heard)}", code=error.code)
     if not robot.firmware.reports_pose:
         silent = f"{robot.firmware.name} never answers, so a board may be missing"
-        known = f"assumed: {positions}" if _resets(robot, port) else "known only to a person"
+        known = f"assumed: {positions}" if _resets(robot, port) else "unknown: a run needs --pose"
         return Check("board", None, f"opened; {_heard(heard)}; {silent}; the pose is {known}")
     return Check("board", True, f"booted; {_heard(heard)}; commanded to {positions}")
 

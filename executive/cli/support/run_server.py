@@ -51,7 +51,7 @@ def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) 
         executive = stack.enter_context(open_executive(setup, clock=clock, operator=questions))
         server = stack.enter_context(Server(executive, listen, questions))
         logger.info("Token for requests that change something: %s", server.token)
-        logger.info("The page, to open once: %s", server.sign_in.link())
+        logger.info("Link to the page, which works once: %s", server.sign_in.link())
         with recorded_log(executive):  # from here on, so that no recording has the token or link
             logger.info("%s", port_line(executive))
             executive.start()

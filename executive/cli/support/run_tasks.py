@@ -144,7 +144,7 @@ def without_server(outcome: Outcome, again: str = "run again") -> Outcome:
 def _held_by(
     server: token_file.ServerInfo, executive: Executive, task: int, settings: Sequence[str]
 ) -> str:
-    """Return a hint that a server holds the arm, with the command to send it the task.
+    """Return a hint that a server holds the arm, with the command that sends it the task.
 
     Returns:
         The message; empty if the server does not answer, or holds another robot.

@@ -35,7 +35,7 @@ from .servo_leader import HandGuidedArm
 def run_teleop(
     port: str, leader_robot: Path | None, speed: float, options: Mapping[str, Any]
 ) -> int:
-    """Make an arm follow a leader until a key or a signal ends this. Then print its position.
+    """Make an arm follow a leader. When a key or a signal ends this, print the arm's position.
 
     The following arm is activated first. The leader loses its torque later.
 

@@ -111,7 +111,7 @@ class View:
 
 
 class TeleopScreen(KeyScreen):
-    """The screen of teleoperation. An arm follows a leader, until a key or a signal ends this.
+    """The screen of teleoperation: makes an arm follow a leader, and shows both.
 
     Args:
         arm: The arm that follows.
@@ -228,7 +228,7 @@ class TeleopScreen(KeyScreen):
         fault = self._arm.fault()
         with self._lock:
             self._view = replace(self._view, leader=leader, where=where, blocked=blocked)
-            if fault and fault.message not in self._view.message:  # no goal was under way
+            if fault and fault.message not in self._view.message:  # no goal has reported it
                 self._view = replace(self._view, message=cause_words(fault), failed=True)
 
     def _lose(self, error: HardwareError) -> None:

@@ -20,7 +20,7 @@ _lock = threading.RLock()  # blocks drawing while the process is being suspended
 
 
 class FullScreen:
-    """Draws lines on the alternate screen, as a context.
+    """A context that draws lines on the alternate screen.
 
     Each line replaces the previous one, so the screen does not flicker. The rest of the screen is
     cleared, also after typed keys or a change of the terminal's size.

@@ -33,7 +33,7 @@ class _Lines(View):
 
 
 def _json_line(item: Item) -> str:
-    """Return an item as a line of JSON, or "" for no line. An Outcome stands for its Result."""
+    """Return an item as a line of JSON, or "" for no line. A Result has none; its Outcome has."""
     if isinstance(item, (str, Prompt, Where, logs.Result)):
         return ""
     if isinstance(item, Outcome):
@@ -46,7 +46,7 @@ def _json_line(item: Item) -> str:
 class _TextLine:
     """Converts a goal, an ended node with a message, a question or an outcome to a line.
 
-    Before the first node of a subtree comes a line with the names of the subtrees around it.
+    A node in other subtrees than the previous node gets a further line with their names.
 
     Args:
         verbose: True to also return a line for each frame.
@@ -90,7 +90,7 @@ class _TextLine:
         return ""
 
     def _heading(self, record: logs.NodeStatus) -> str:
-        """Return the line with the names of other subtrees than before, or ""."""
+        """Return a line with the subtrees around a node, or "" if they are those of before."""
         step = _subtrees(record.path)
         if step == self._step:
             return ""

@@ -58,7 +58,7 @@ class Player:
         return (self._next.time - self._zero - self.at) / self.speed
 
     def show_until(self, at: float) -> None:
-        """Show all records up to a time [s since the first record]. It may be before `at`."""
+        """Show all records up to a time [s since the first record], which may be in the past."""
         if at < self.at:
             self._records = self._recording.records()
             self._next = next(self._records, None)

@@ -35,7 +35,7 @@ class Terminal:
         signal.signal(signal.SIGTTIN, signal.SIG_IGN)
 
     def ask(self, question: Question) -> None:
-        """Show a question when the earlier ones are answered."""
+        """Show a question when the earlier questions are answered."""
         with self._lock:
             self._open.append(question)
             first = len(self._open) == 1

@@ -150,7 +150,7 @@ def test_a_file_of_another_user_in_a_shared_folder_is_not_read(
 
 
 def test_without_a_file(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert "There is no armtree.toml in this folder or a folder above it, and no " in armtree("config").output
+    assert "There is no armtree.toml in this folder or a folder above" in armtree("config").output
     monkeypatch.setenv("XDG_CONFIG_HOME", "relative")  # not valid, by the XDG specification
     assert str(settings.user_file()).endswith("/.config/armtree/armtree.toml")
     gone = project / "gone"

@@ -188,7 +188,7 @@ def test_a_board_that_opening_does_not_reset(tmp_path: Path, robot: Path) -> Non
     said = lines(result)
     assert said["pose"] == "nothing resets the board: a run needs --pose"
     assert said["opening"] == "the board is not reset, and the arm stays where it is"
-    assert "a board may be missing; the pose is known only to a person" in said["board"]
+    assert "a board may be missing; the pose is unknown: a run needs --pose" in said["board"]
 
 
 def test_a_port_of_another_armtree(tmp_path: Path) -> None:

@@ -249,7 +249,7 @@ def test_how_long_it_took_to_get_ready_is_reported(tmp_path: Path) -> None:
     whole, model, goal = map(float, milliseconds.groups())
     assert whole == pytest.approx(model + goal, abs=0.02)
     assert goal > 0.5  # many descents
-    assert found.startswith("Found in")
+    assert found.startswith("Planned   in")
 
 
 @pytest.mark.parametrize(

@@ -48,7 +48,8 @@ def test_a_pose_from_a_recording_to_a_task(folder: Path) -> None:
 def test_a_pose_with_a_joint_of_another_robot(folder: Path) -> None:
     Path("trees").mkdir()
     Path("trees/poses.yaml").write_text("poses: {far: {elbow: 0.10471975511965978}}\n")
-    assert "far          elbow, which arduinobot does not have\n" in type_command(folder, "pose", "ls")[1]
+    listed = type_command(folder, "pose", "ls")[1]
+    assert "far          elbow, which arduinobot does not have\n" in listed
 
 
 @pytest.mark.parametrize(

@@ -164,7 +164,7 @@ class Picture:
     joints: bool = True
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Yield the rows of the picture: at most the height in the options, else of the console."""
+        """Yield the rows of the picture, at most `options.height`, else the console's rows - 1."""
         state, width = self.state, options.max_width
         rows = max(3, options.height or console.height - 1) - 2
         for_joints = max(1, rows // 3, rows - max(1, len(state.nodes)))
