@@ -82,7 +82,7 @@ def completion(context: click.Context, shell: str) -> None:
     and ports.
 
     \b
-    To install the script, add the line of your shell to the file of your shell:
+    To install it, add a line to the file of your shell:
       ~/.bashrc    eval "$(armtree completion bash)"
       ~/.zshrc     eval "$(armtree completion zsh)"
       ~/.config/fish/config.fish

@@ -87,7 +87,7 @@ def move(target: tuple[str, ...], relative: bool, speed: float) -> "Move":
     machine, its arm moves, unless --port is given. TARGET is one of:
 
     \b
-      JOINT=VALUE, JOINT+=CHANGE  joints; other joints do not move
+      JOINT=VALUE, JOINT+=CHANGE  joints; others do not move
       POSE                        a saved pose, or home
       width=VALUE                 distance between the fingers
       X Y Z                       a point for the tool

@@ -76,7 +76,7 @@ def plan(
       JOINT+=CHANGE   a joint, counted from the start
       POSE            a pose of poses.yaml
       X Y Z           a point for the tool
-      TASK            a task: all its motions known before a run
+      TASK            a task: motions known before a run
 
     Numbers without a unit are in rad and m. Joints and poses can be combined. If a pose and a task
     have the same name, the word means the pose.
