@@ -63,7 +63,7 @@ def test_the_worst_of_many_is_the_exit_status(tmp_path: Path, picked: Path) -> N
     status, out, _ = finish(tmp_path, *verify)
     assert status == 12
     assert [line.split() for line in out.splitlines()[-4:]] == [
-        ["1", "of", "4", "recordings", "hold;", "the", "others:"],
+        ["1", "of", "4", "recordings", "are", "verified;", "the", "others:"],
         [str(folder / "a.mcap"), "log.unreadable"],
         [str(folder / "b.mcap"), "log.truncated"],
         [str(folder / "z.mcap"), "replay.differs"],
