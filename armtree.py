@@ -9,8 +9,9 @@ import os
 import sys
 import typing
 
-# The rooms are beside this file, or in the folder of an installed armtree. That folder is last on
-# the path, so that another package named `logs` keeps its name; armtree cannot run beside it.
+# The packages of armtree are in the folder of this file, or, if it is installed, in armtree_rooms.
+# That folder comes last in sys.path, so that another package named `logs` still imports under its
+# name. armtree then raises ImportError.
 _FOLDER = os.path.dirname(os.path.abspath(__file__))
 if os.path.isdir(_installed := os.path.join(_FOLDER, "armtree_rooms")):
     _FOLDER = _installed
@@ -23,16 +24,16 @@ for _room in ("executive", "hardware", "logs", "skills", "trees"):
     )
     if os.path.join(_FOLDER, _room) not in _places:
         raise ImportError(
-            f"Another package named {_room} hides that of armtree: {_places[0]}. If it is yours, "
-            "rename it. If not, install armtree into an environment of its own: pipx install, or "
-            "uv tool install"
+            f"Another package named {_room} hides the package {_room} of armtree: {_places[0]}. If "
+            "that package is yours, rename it. If not, install armtree into an environment of its "
+            "own: pipx install, or uv tool install"
         )
 
 from hardware.lazy_exports import lazy_exports, public_names  # noqa: E402, after the path is known
 
 __all__ = public_names(__file__)  # noqa: PLE0605, as the imports below list them
 
-# A name is loaded at its first use, so that a client does not wait for what only an arm needs.
+# Each name is imported at its first use. A client does not wait for imports that only an arm needs.
 if typing.TYPE_CHECKING:
     from executive.api.events import Event as Event, Status as Status, Where as Where
     from executive.api.move import Move as Move

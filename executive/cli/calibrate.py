@@ -31,12 +31,12 @@ _PERIOD = 0.05  # time between readings of the servos [s]
 @command()
 @port_option
 @robot_option
-@click.option("--ids", is_flag=True, help="Give the servos their ids, one after the other.")
+@click.option("--ids", is_flag=True, help="Write the id of each servo, one servo at a time.")
 @click.option(
     "--centre",
     is_flag=True,
     help="Write an offset to every servo, so that the middle of its range is the middle of its "
-    "turn. Needed if a range contains the seam of a turn.",
+    "turn. Needed if a range contains the seam, where the position of a servo jumps to 0.",
 )
 @click.option(
     "--import", "imported", metavar="FILE", type=PATH, help="Import a calibration made by LeRobot."
@@ -57,13 +57,13 @@ def calibrate(
 ) -> None:
     """Calibrate an arm with bus servos: turn every joint by hand from end to end.
 
-    The torque goes off first, so hold the arm. A table shows how far each joint was turned, beside
-    its range in the URDF. The result is a file beside the robot file, or in ~/.config/armtree
-    for a shipped robot. It holds the ranges, and the position of the servo in the middle of each
-    range, which is the middle of the joint's limits.
+    The command first switches the torque off, so hold the arm. A table shows how far each joint was
+    turned, and its range in the URDF. The result is a file in the folder of the robot file, or in
+    ~/.config/armtree for a shipped robot. The file has the range of each joint. The servo position
+    in the middle of this range counts as the middle of the joint's limits.
 
-    This is the only command that writes to the memory that servos keep without power. It shows
-    the values, asks before it writes them, and reads them back.
+    Only this command writes to the memory that servos keep without power. It shows the values,
+    asks before it writes them, and reads them back.
 
     \b
     Example:
@@ -86,14 +86,14 @@ def calibrate(
         before = calibrator.before() if restore else {}
         ticks = bus.ticks
         kept = read_lerobot(imported, arm.actuated, arm.servos, ticks) if imported else {}
-        # Values that move the zero of a servo would move an arm with torque.
+        # A new zero of a servo would move the arm if the servo had torque.
         _confirm("The torque goes off, and gravity moves the arm. Do you hold it?")
         try:
             bus.release([*arm.servos.values()])
             if restore:
                 _restore(calibrator, before)
             elif imported:
-                echo(f"LeRobot has written the values of {imported} to the servos of its arm.")
+                echo(f"The values in {imported} are in the servos that LeRobot calibrated.")
                 _finish(arm, calibrator, kept, f"from {imported.name} of LeRobot")
             else:
                 with _leavable():
@@ -102,7 +102,7 @@ def calibrate(
                     echo(text, whole=True)
                 _finish(arm, calibrator, calibrator.kept(centre), "swept by hand")
         finally:
-            echo("Servos have no torque: hold the arm.")  # some or all
+            echo("Servos have no torque: hold the arm.")  # some of the servos, or all
     given = {"--robot": robot, "--port": port}
     words = [word for name, value in given.items() if value for word in (name, str(value))]
     echo("Next, type:")
@@ -143,7 +143,7 @@ def _show_ranges(calibrator: "Calibrator") -> None:
                 missing = [row.joint.name for row in rows if not row.swept]
                 if key == ENTER and not missing:
                     return
-                note = f"Not turned yet: {', '.join(missing)}" if missing else "Enter ends"
+                note = f"Not turned yet: {', '.join(missing)}" if missing else "Press Enter to end"
 
 
 def _table(rows: "Sequence[Row]") -> Iterator[str]:
@@ -153,8 +153,8 @@ def _table(rows: "Sequence[Row]") -> Iterator[str]:
     yield f"{'joint':<14}{'servo':>5}{'now':>6}{'least':>7}{'most':>7}{'range':>9}{'URDF':>9}"
     for row in rows:
         expected = degrees(row.joint)
-        note = "turn it" if not row.swept else f"{row.range / expected:.0%} of the URDF"
-        note = "the seam is inside" if row.seam else note
+        note = f"{row.range / expected:.0%} of the range in the URDF" if row.swept else "turn it"
+        note = "the seam is inside the range" if row.seam else note
         now = "-" if row.now is None else row.now
         figures = f"{now:>6}{row.least:>7}{row.most:>7}{row.range:>5.0f} deg{expected:>5.0f} deg"
         yield f"{row.joint.name:<14}{row.servo:>5}{figures}  {note}"
@@ -163,7 +163,7 @@ def _table(rows: "Sequence[Row]") -> Iterator[str]:
 def _finish(
     arm: "Robot", calibrator: "Calibrator", kept: Mapping[str, Mapping[str, int]], how: str
 ) -> None:
-    """Show the changes and ask. Then write the file, and after it the servos."""
+    """Show the changes and ask. Then write the calibration file, and then the servos."""
     from hardware.description.calibration import write_calibration
 
     kept = calibrator.in_position_mode(kept)
@@ -171,7 +171,7 @@ def _finish(
     _show(changes)
     replaces = ", which is replaced" if calibrator.path.exists() else ""
     if error := calibrator.difference:
-        echo("", f"{error}.", "To use --restore for that arm later, copy the file first.")
+        echo("", f"{error}.", "To use --restore for those servos later, copy the file first.")
     file = f"the file {calibrator.path}{replaces}"
     with _leavable():
         _confirm(f"Write {_values(changes)} to the servos, and {file}?")
@@ -179,7 +179,7 @@ def _finish(
     # The file comes first: it has the old values, which --restore writes back.
     write_calibration(calibrator.path, arm.name, made, joints)
     calibrator.write(changes)
-    echo(f"{calibrator.path} is written; the servos hold the same values, as read back")
+    echo(f"{calibrator.path} is written; read again, the servos hold the same values")
 
 
 def _restore(calibrator: "Calibrator", before: Mapping[str, Mapping[str, int]]) -> None:
@@ -205,7 +205,7 @@ def _show(changes: "Sequence[Change]") -> None:
 
 
 def _number(arm: "Robot", port: str, restore: bool) -> None:
-    """Give every servo its id, or the id that it had before, while it is alone on the bus."""
+    """Write the id of each servo, or its earlier id, while no other servo is on the bus."""
     from hardware import DescriptionError, RealClock
     from hardware.bring_up.earlier_ids import ids_file, read_ids, write_ids
     from hardware.bring_up.search import search_speeds
@@ -213,7 +213,7 @@ def _number(arm: "Robot", port: str, restore: bool) -> None:
     path = ids_file(arm.path)
     earlier = read_ids(path, arm.servos)
     if restore and not earlier:
-        raise DescriptionError(path, 0, "is not there, so there is nothing to restore")
+        raise DescriptionError(path, 0, "does not exist, so there is nothing to restore")
     for joint, wanted in [*(earlier if restore else arm.servos).items()]:
         while True:
             ask(f"Connect only the servo of {joint} (id {wanted}), then press Enter")
@@ -223,7 +223,7 @@ def _number(arm: "Robot", port: str, restore: bool) -> None:
             there = ", ".join(map(str, found.servos)) or "none"
             if found.damaged:
                 there += (
-                    f"; damaged, as of two servos: {', '.join(map(str, sorted(found.damaged)))}"
+                    f"; damaged, as if two answer: {', '.join(map(str, sorted(found.damaged)))}"
                 )
             echo(f"Exactly one servo must answer; ids that answer: {there}. Check cable and power")
         (now,) = found.servos
@@ -240,7 +240,7 @@ def _number(arm: "Robot", port: str, restore: bool) -> None:
                 write_ids(path, earlier)
             with arm.servo_bus(port, baud, RealClock()) as bus:
                 bus.keep(now, {"id": wanted})
-            way_back = "" if restore else f". It had {now}; --ids --restore gives it back"
+            way_back = "" if restore else f". It had {now}; --ids --restore writes {now} again"
             echo(f"The servo reads back the id {wanted}{way_back}")
         if restore:
             del earlier[joint]

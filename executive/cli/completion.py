@@ -1,4 +1,4 @@
-"""`armtree completion`: completes commands in a shell."""
+"""`armtree completion`: prints the script for completions in a shell, and completes commands."""
 
 import os
 import re
@@ -19,7 +19,8 @@ from click.shell_completion import (
 from .support.command_group import COMPLETION_VARIABLE, command
 from .terminal.streams import echo
 
-# Command with which a shell loads the script, and the place of the program's name in the script.
+# For each shell: the command that loads the script, the file that the user adds it to, and the call
+# of armtree in the script of click, with its replacement.
 _LOAD = {"bash": 'eval "$({})"', "zsh": 'eval "$({})"', "fish": "{} | source"}
 _FILES = {"bash": "~/.bashrc", "zsh": "~/.zshrc", "fish": "~/.config/fish/config.fish"}
 _CALLS = {
@@ -32,7 +33,7 @@ _ZSH_BEGIN = "(( $+functions[compdef] )) || { autoload -Uz compinit && compinit 
 
 
 class _Bash(BashComplete):
-    """Completes a word with a colon. Bash breaks the word at the colon and replaces the rest."""
+    """Completion in bash. Bash splits a word at a colon, and replaces only the part after it."""
 
     source_template = BashComplete.source_template.replace(
         'COMP_WORDS="${COMP_WORDS[*]}" COMP_CWORD=$COMP_CWORD',
@@ -44,7 +45,7 @@ class _Bash(BashComplete):
     _kept = ""  # the part of the word before the colon, which Bash keeps
 
     def get_completion_args(self) -> tuple[list[str], str]:
-        """Return the words before the cursor, and the word at the cursor so far."""
+        """Return the complete words after `armtree`, and the unfinished word at the cursor."""
         line, breaks = os.environ["COMP_LINE"], os.environ["COMP_WORDBREAKS"]
         words = split_arg_string(line)
         word = "" if line[-1:].isspace() else words.pop()
@@ -53,12 +54,12 @@ class _Bash(BashComplete):
         return words[1:], word
 
     def format_completion(self, item: CompletionItem) -> str:
-        """Return the line for a completion: its type and what Bash adds to the kept part."""
+        """Return the line for a completion: its type, and the text after the kept part."""
         return f"{item.type},{str(item.value).removeprefix(self._kept)}"
 
 
 class _Zsh(ZshComplete):
-    """Adds no space after a word that ends with = or /. Fish does so by itself."""
+    """Completion in zsh, without a space after a word that ends with = or /."""
 
     source_template = ZshComplete.source_template.replace(
         'if [[ "$descr" == "_" ]]',
@@ -81,7 +82,7 @@ def completion(context: click.Context, shell: str) -> None:
     and ports.
 
     \b
-    To install it, add the line of your shell to its file:
+    To install it, add a line to the file of your shell:
       ~/.bashrc    eval "$(armtree completion bash)"
       ~/.zshrc     eval "$(armtree completion zsh)"
       ~/.config/fish/config.fish

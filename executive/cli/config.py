@@ -21,8 +21,8 @@ def config(context: click.Context, names: tuple[str, ...], as_json: bool) -> Non
     environment, the nearest armtree.toml in the working directory or above it, armtree/armtree.toml
     in the user's folder for configuration, default.
 
-    Relative paths in a file are in the folder of that file. An unknown key is an error, which is
-    reported after the settings. Programs in Python do not read the files.
+    A relative path in a file starts in the folder of that file. An unknown key is an error, which
+    is reported after the settings. Programs in Python do not read the files.
 
     \b
     Example of an armtree.toml:
@@ -44,7 +44,7 @@ def config(context: click.Context, names: tuple[str, ...], as_json: bool) -> Non
             echo(f"{name:<18} {'-' if value is None else shown!s:<30} {source or 'default'}")
             echo(f"{'':<18} {about}")
     if not as_json and not files():
-        echo("", f"There is no {FILE} here, above, or at {user_file()}.")
+        echo("", f"There is no {FILE} in this folder or a folder above it, and no {user_file()}.")
     if wrong:
         from executive.errors import BadConfiguration  # slow to import
 

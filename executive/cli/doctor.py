@@ -53,9 +53,10 @@ def doctor(
     """Check everything that a run needs.
 
     The checks concern the robot file, the tasks, the planner, the recordings and the port. Nothing
-    moves, and the port is not opened unless --open is given. On a bus, --open finds the servos:
-    ids, speed, supply, firmware, and the likely cable if one is missing. The last line is the
-    command to type next. The exit status is 0 if all checks pass, else that of the first failure.
+    moves, and the port is not opened unless --open is given. On a bus, --open reads the id, speed,
+    supply voltage and firmware of each servo. If a servo is missing, it names the cable to check.
+    The last line is the command to type next. The exit status is 0 if no check fails, else that of
+    the first failure.
     """
     from hardware import serial_ports
 

@@ -1,4 +1,4 @@
-"""`armtree fleet`: many arms, their jobs and their stop."""
+"""`armtree fleet`: commands for many arms and their jobs."""
 
 import json
 import logging
@@ -53,7 +53,7 @@ def _with_fleet(function: "Callable[..., Coroutine[Any, Any, None]]") -> Callabl
 
 def _print_log() -> None:
     logging.getLogger().addHandler(LogPrinter())
-    # The library warns of each refused TLS connection.
+    # asyncio warns of each refused TLS connection.
     logging.getLogger("asyncio").setLevel(logging.ERROR)
 
 
@@ -85,7 +85,7 @@ def fleet() -> None:
     metavar="ADDRESS",
     default=ADDRESS,
     show_default=True,
-    help="Address to listen on. One for other machines needs TLS and --nkeys.",
+    help="Address to listen on. An address that other machines can reach needs TLS and --nkeys.",
 )
 @click.option(
     "--nats-port",
@@ -109,7 +109,7 @@ def fleet() -> None:
     "existing",
     type=FleetUrl(),
     metavar="URL",
-    help="Use this NATS server, and start none. Its sync_interval must be always.",
+    help="Use this NATS server, and start none. Its setting `sync_interval` must be `always`.",
 )
 @click.option("--tls-cert", metavar="FILE", type=PATH, help="TLS certificate of the fleet.")
 @click.option("--tls-key", metavar="FILE", type=PATH, help="Private key of the certificate.")
@@ -131,9 +131,9 @@ def up(
 ) -> None:
     """Start the NATS server of a fleet, until Ctrl-C.
 
-    If an arm is lost, its job fails; if the task is `retry: safe`, another arm gets the job. Also
-    serves a page with all arms, for this machine. By default only programs of this user on this
-    machine can connect to the fleet.
+    If an arm is lost, its job fails. If the task file has `retry: safe`, another arm gets the job
+    instead. The command also serves a page with all arms, for browsers on this machine. By default
+    only programs of this user on this machine can connect to the fleet.
     """
     from executive.fleet.programs import NatsOptions, up as run_up
 
@@ -147,7 +147,8 @@ def up(
 def key(file: Path) -> None:
     """Write a new private key to FILE, and print its public key.
 
-    The public key is for `fleet up --nkeys`. Programs take FILE from ARMTREE_FLEET_NKEY.
+    The public key is for `fleet up --nkeys`. Programs read the path of FILE from the environment
+    variable ARMTREE_FLEET_NKEY.
     """
     from executive.fleet.programs import make_key
 
@@ -163,7 +164,7 @@ def key(file: Path) -> None:
     "--page",
     type=Url(),
     metavar="URL",
-    help="URL of the page of the arm, for other machines. Default: that of --server.",
+    help="URL of the page of the arm, for other machines. Default: the URL of --server.",
 )
 @click.option("--child", is_flag=True, hidden=True, help="End when standard input ends.")
 def join(server: str, url: str, pool: str, name: str, page: str | None, child: bool) -> None:
@@ -182,7 +183,7 @@ def join(server: str, url: str, pool: str, name: str, page: str | None, child: b
 
 @fleet.command()
 @click.argument("task", type=TASK)
-@click.option("--pool", metavar="POOL", default=POOL, show_default=True, help="Pool that runs it.")
+@click.option("--pool", metavar="POOL", default=POOL, show_default=True, help="Pool for TASK.")
 @set_option
 @click.option(
     "--id",
@@ -190,7 +191,7 @@ def join(server: str, url: str, pool: str, name: str, page: str | None, child: b
     metavar="ID",
     default="",
     callback=check_goal_id,
-    help="Id: 32 digits, 0 to 9, a to f.",
+    help="Id of the job: 32 digits, 0 to 9, a to f. Default: a random id.",
 )
 @click.option(
     "--priority",
@@ -203,7 +204,7 @@ def join(server: str, url: str, pool: str, name: str, page: str | None, child: b
     "--start-within",
     metavar="SECONDS",
     type=ABOVE_0,
-    help="Fail if no arm starts the job within this time [s].",
+    help="The job fails if no arm starts it within this time [s].",
 )
 @click.option(
     "--end-within",
@@ -214,7 +215,8 @@ def join(server: str, url: str, pool: str, name: str, page: str | None, child: b
 @click.option(
     "--wait",
     is_flag=True,
-    help="Wait for the end of the job, and exit with the status of its run. Ctrl-C cancels it.",
+    help="Wait for the end of the job, and exit with the status of its run. Ctrl-C cancels the "
+    "job.",
 )
 @_JSON
 @_FLEET
@@ -232,7 +234,7 @@ def send(
 ) -> None:
     """Send TASK to a pool of arms. A free arm of the pool runs it once.
 
-    Prints the id of the job when it is on disk. A second job with the same id is refused, so
+    Prints the id of the job when the job is on disk. A second job with the same id is refused, so
     it is safe to repeat this command with --id.
     """
     import asyncio
@@ -276,7 +278,7 @@ def _print_job(found: "Job | JobRecord", as_json: bool) -> None:
 @_JSON
 @_with_fleet
 async def cancel(client: "FleetClient", as_json: bool, identity: str) -> None:
-    """Cancel JOB: a queued one ends at once, a running one when its arm has stopped."""
+    """Cancel JOB: a queued job ends at once, a running job when its arm has stopped."""
     record, had_ended = await client.cancel(identity)
     if had_ended:
         echo("the job had ended before the cancel", err=True)
@@ -301,7 +303,7 @@ async def ls(client: "FleetClient", as_json: bool) -> None:
 @fleet.command()
 @click.argument("identity", metavar="[JOB]", default="", callback=check_goal_id)
 @click.option(
-    "--last", metavar="N", type=Whole(1), default=20, show_default=True, help="Newest N only."
+    "--last", metavar="N", type=Whole(1), default=20, show_default=True, help="Only the newest N."
 )
 @_JSON
 @_with_fleet
@@ -312,7 +314,7 @@ async def jobs(client: "FleetClient", as_json: bool, identity: str, last: int) -
         found.append(await client.job(identity))
     else:
         number, queued = await client.queued(last)
-        echo(f"{number} queued", err=True)
+        echo(f"Queued jobs: {number}", err=True)
         found += await client.records()
         found += queued
     for each in found[-last:]:
@@ -324,10 +326,10 @@ async def jobs(client: "FleetClient", as_json: bool, identity: str, last: int) -
 @_JSON
 @_with_fleet
 async def stop(client: "FleetClient", as_json: bool, whom: tuple[str, ...]) -> None:
-    """Stop all arms, or those of a POOL, or an ARM such as arms.arm-7. Not an emergency stop.
+    """Stop all arms, those of a POOL, or an ARM such as arms.arm-7. It is not an emergency stop.
 
-    The arms take no jobs until `armtree fleet resume`. Each arm confirms; the command names those
-    that did not, and its exit status is then 13.
+    The arms take no jobs until `armtree fleet resume`. Each arm confirms the stop. If an arm does
+    not, the command names it, and the exit status is 13.
     """
     await _confirmed(client, as_json, "stop", whom)
 
@@ -337,7 +339,7 @@ async def stop(client: "FleetClient", as_json: bool, whom: tuple[str, ...]) -> N
 @_JSON
 @_with_fleet
 async def resume(client: "FleetClient", as_json: bool, whom: tuple[str, ...]) -> None:
-    """Let arms take jobs again after a stop: all, or those of a POOL, or an ARM."""
+    """Let arms take jobs again after a stop: all arms, those of a POOL, or an ARM."""
     await _confirmed(client, as_json, "resume", whom)
 
 
@@ -365,7 +367,7 @@ async def _confirmed(
 @click.argument("arm", metavar="ARM")
 @_with_fleet
 async def forget(client: "FleetClient", arm: str) -> None:
-    """Remove ARM, which is gone, from the list of arms."""
+    """Remove ARM from the list of arms. For an arm that does not exist any more."""
     await client.forget(arm)
 
 

@@ -24,11 +24,12 @@ if TYPE_CHECKING:
 def jog(server: str | None, speed: float, **options: Any) -> None:
     """Move joints and tool in small steps, by keys.
 
-    Each step is a move: planned, checked and recorded. During a move, only the last pressed key
-    waits for its end, and s saves the pose at that end. If a server runs on this machine, its arm
-    moves, unless --port is given. Otherwise the first step opens the port, which may move the arm.
-    An arm with more than three joints also turns its tool in place: about its axis (roll) and
-    upwards (pitch). With six joints or more, it also turns the tool about the vertical (yaw).
+    Each step is a move: planned, checked and recorded. Of the keys pressed during a move, only the
+    last one acts, when the move ends; s then saves the pose at the end of the move. If a server
+    runs on this machine, its arm moves, unless --port is given. Otherwise the first step opens the
+    port, which may move the arm. An arm with more than three joints also turns its tool in place:
+    about its axis (roll) and upwards (pitch). With six joints or more, it also turns the tool about
+    the vertical (yaw).
 
     \b
       <- ->        move by a step        space  stop
@@ -51,7 +52,7 @@ def jog(server: str | None, speed: float, **options: Any) -> None:
 
 
 def saving(robot: "Robot", folder: Path) -> "dict[str, tuple[KeyCommand, Act]]":
-    """Return the command that saves a pose to a folder of tasks, by its key."""
+    """Return the command that saves a pose to a folder of tasks, in a dictionary by its key."""
     from executive.goals.moves.poses import save_where
     from trees.writing.saved_poses import PoseExists
 

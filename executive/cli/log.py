@@ -57,11 +57,11 @@ def log() -> None:
 def ls(folder: Path, as_json: bool) -> None:
     """List the recordings of FOLDER, with task, outcome, duration and size.
 
-    The default of FOLDER is the setting `recordings`, which is ./recordings by default, or the
-    working directory if only it has recordings. With `serve --policy queue`, a goal waits in the
-    queue until the one before it has ended; the duration includes this time. The list is read from
-    the index of each recording. `log info` reads the whole file, and finds any damage. A recording
-    that a crash cut off, and that was recovered, is marked `recovered`.
+    The default of FOLDER is the setting `recordings`, which is ./recordings by default. If that
+    folder does not exist, it is the working directory if it has recordings. With `serve --policy
+    queue`, a goal waits in the queue until the previous goals have ended; the duration includes
+    this time. The list is read from the index of each recording. `log info` reads the whole file,
+    and finds any damage. A recording that a crash cut off is marked `recovered` after its recovery.
     """
     from logs import LogError, goal_title
     from logs.views.narrative import listing
@@ -93,7 +93,7 @@ def ls(folder: Path, as_json: bool) -> None:
 def _recordings_in(folder: Path) -> list[Path]:
     paths = sorted(folder.glob("*.mcap"))
     if not paths:
-        echo(f"{folder.absolute()}: there are no recordings here", err=True)
+        echo(f"{folder.absolute()}: there are no recordings in this folder", err=True)
     return paths
 
 
@@ -118,7 +118,8 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
     from logs import goal_title
     from logs.records.file_format import RECOVERED
 
-    end = "complete" if found.complete else f"cut off or damaged: armtree log recover {found.path}"
+    end = f"cut off or damaged; type: armtree log recover {found.path}"
+    end = "complete" if found.complete else end
     end = "being written" if found.written else end
     facts = [("file", f"{found.path}, {found.bytes} bytes, {found.messages} messages, {end}")]
     if torn := found.notes.get(RECOVERED, {}).get("torn_bytes"):
@@ -131,7 +132,7 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
         facts.append(("cause", f"{result.code}: {result.message}"))
         queued = f", {found.waited:.3f} s of it in the queue" if found.waited else ""
         facts.append(("duration", f"{result.duration:.3f} s{queued}"))
-    facts.append(("frames", f"{found.frames}, {found.holds} of them holds"))
+    facts.append(("frames", f"{found.frames}, {found.holds} of them hold the arm"))
     if late := found.late:
         middle = median_low(late.elements())
         facts.append(("lateness", f"{middle:.2f} ms median, {max(late):.2f} ms at most"))
@@ -151,7 +152,7 @@ def _facts(found: "Overview") -> list[tuple[str, str]]:
 )
 @_JSON
 def show(recording: Path, everything: bool, as_json: bool) -> None:
-    """Print what happened in a run. Times are in seconds since its goal was accepted."""
+    """Print what happened in a run. Times are in seconds since the goal was accepted."""
     from logs.views.narrative import narrative
 
     for time, words in narrative(recording, everything):
@@ -167,7 +168,7 @@ def export(recording: Path, output: Path, as_json: bool) -> None:
     """Write the joint positions and the frames to CSV files.
 
     RECORDING.joints.csv has the commanded positions, RECORDING.frames.csv the frames. If the board
-    measures, RECORDING.measured.csv has what it measured. If the arm followed a leader,
+    measures, RECORDING.measured.csv has the measured positions. If the arm followed a leader,
     RECORDING.leader.csv has the measured positions of the leader.
     """
     from logs.views.table import export as write
@@ -182,7 +183,7 @@ def export(recording: Path, output: Path, as_json: bool) -> None:
 @_OUTPUT
 @_JSON
 def robot(recording: Path, output: Path, as_json: bool) -> None:
-    """Write the robot file, the URDF and its meshes, for viewers and for other commands."""
+    """Write the recorded robot file, URDF and meshes, for viewers and for other commands."""
     from executive.recording.archive import extract_robot
     from logs import Recording
 
@@ -254,7 +255,7 @@ def plot(recordings: tuple[Path, ...], output: Path | None, as_json: bool) -> No
 
 
 def _scenes(recording: Path) -> "tuple[list[MotionScene], str]":
-    """Return the scenes of a recording, and the error if they cannot be drawn, or ""."""
+    """Return the scenes of a recording and "", or no scenes and the error."""
     from executive.preview.motion_drawing import scenes_of
     from logs import LogError
     from skills.motion import BadWorld
@@ -278,7 +279,7 @@ def recover(recordings: tuple[Path, ...], as_json: bool) -> None:
     def recover_one(recording: Path) -> int:
         made = recover_file(recording)
         row = {**_file(recording), "recovered": made is not None, "whole": not made or made.whole}
-        text = made.text() if made else f"{recording}: is complete, nothing to do"
+        text = made.text() if made else f"{recording} is complete; nothing to recover"
         echo_result(as_json, row, text)
         return 0 if made is None or made.whole else RecordingIncomplete.exit_status
 
@@ -287,7 +288,7 @@ def recover(recordings: tuple[Path, ...], as_json: bool) -> None:
 
 @log.command()
 @_FILES
-@click.option("--off", is_flag=True, help="Unpin: allow prune to delete it.")
+@click.option("--off", is_flag=True, help="Unpin: prune may delete the recordings again.")
 @_JSON
 def pin(recordings: tuple[Path, ...], off: bool, as_json: bool) -> None:
     """Pin recordings: prune never deletes them. A pinned file is write-protected."""
@@ -312,14 +313,14 @@ def pin(recordings: tuple[Path, ...], off: bool, as_json: bool) -> None:
     "--days", metavar="DAYS", type=AT_LEAST_0, help="Delete recordings older than this [days]."
 )
 @click.option(
-    "--mb", metavar="MB", type=AT_LEAST_0, help="Delete the oldest beyond this total size [MB]."
+    "--mb", metavar="MB", type=AT_LEAST_0, help="Delete the oldest to keep at most this size [MB]."
 )
 @click.option("--dry-run", is_flag=True, help="Delete nothing; list what would be deleted.")
 @_JSON
 def prune(folder: Path, days: float | None, mb: float | None, dry_run: bool, as_json: bool) -> None:
     """Delete old recordings of FOLDER, but never a pinned or an unfinished one.
 
-    Pictures beside a recording, with its name, are deleted with it.
+    Pictures in FOLDER with the name of a deleted recording are deleted too.
 
     The default of FOLDER is the setting `recordings`, which is ./recordings by default. Without
     --days and --mb, the settings `keep_days` and `keep_mb` decide what is deleted.

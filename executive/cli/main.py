@@ -1,4 +1,4 @@
-"""The command line. It imports a command when it is typed, and slow libraries when it runs."""
+"""The command line. It imports only the typed command, and slow libraries when the command runs."""
 
 import logging
 import os
@@ -68,16 +68,16 @@ def main() -> None:
     open_closed_streams()
     output, wanted = sys.stdout, Diagnostics()
     if COMPLETION_VARIABLE in os.environ:
-        from . import completion  # noqa: F401  adds to what click does for Bash
+        from . import completion  # noqa: F401  replaces click's completion for bash and zsh
 
-        discard(sys.stderr)  # a shell would print it into the edited line
+        discard(sys.stderr)  # a shell would print its text into the line that the user edits
     try:
         with protected_process():
             cli.main(prog_name="armtree", standalone_mode=False, obj=wanted)
     except (click.Abort, KeyboardInterrupt):
         sys.exit(INTERRUPTED_EXIT)
     except SystemExit:
-        # click replaces the stream if its reader has ended, and exits with 1.
+        # If the reader of the output has ended, click replaces sys.stdout, and exits with 1.
         if sys.stdout is not output:
             sys.exit(READER_ENDED_EXIT)
         raise

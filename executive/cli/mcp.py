@@ -21,10 +21,10 @@ from .terminal.streams import echo
     "port",
     type=Whole(1, 65535),
     metavar="PORT",
-    help="Serve HTTP at http://127.0.0.1:PORT/mcp instead. Clients send the token of the server.",
+    help="Serve HTTP at http://127.0.0.1:PORT/mcp. Clients send the token of the server.",
 )
 @click.option(
-    "--allow-move", is_flag=True, help="Also offer the tool move: joints, or a point for the tool."
+    "--allow-move", is_flag=True, help="Also offer `move`, to move joints or the tool of the arm."
 )
 @robot_option
 @option("server", default=local_server)
@@ -32,15 +32,15 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
     """Offer the tasks of a server to language models, as tools (MCP).
 
     Start `armtree serve` first. The client starts this command, and talks to it over standard input
-    and output. Put these lines into its configuration:
+    and output. Put these lines into the configuration of the client:
 
     \b
       {"mcpServers": {"armtree":
         {"command": "armtree", "args": ["mcp"]}}}
 
-    The tools list, check, plan and run tasks. A tool can stop the arm at any time. A person
-    activates the arm. Goals are canceled if this command ends. It needs the extra `mcp`: type
-    `make mcp` in the repository, or install the wheel again with [mcp] behind its name.
+    The tools list, check, plan and run tasks. A tool can stop the arm at any time. Only a person
+    activates the arm. Goals are canceled if this command ends. This command needs the extra `mcp`:
+    type `make mcp` in the repository, or install the wheel again with [mcp] behind its name.
 
     \b
     Examples:
@@ -76,5 +76,5 @@ def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> 
 
 _TERMINAL = (
     "A client of the Model Context Protocol starts this command, and talks to it over standard "
-    "input. armtree mcp --help shows how to configure one. Ctrl-C ends it."
+    "input. armtree mcp --help shows how to configure a client. Ctrl-C ends this command."
 )

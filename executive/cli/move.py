@@ -1,4 +1,4 @@
-"""The commands that move the arm without a task: move, home, where and stop."""
+"""The commands for the arm that need no task: move, home, where and stop."""
 
 import sys
 from collections.abc import Callable, Sequence
@@ -81,13 +81,13 @@ def _execute(
 )
 @_moving
 def move(target: tuple[str, ...], relative: bool, speed: float) -> "Move":
-    """Move joints, or the tool to a point, and record it.
+    """Move joints, or the tool to a point, and record the move.
 
     The motion is planned and checked like a task. Ctrl-C stops the arm. If a server runs on this
-    machine, it moves its arm, unless --port is given. TARGET is one of:
+    machine, its arm moves, unless --port is given. TARGET is one of:
 
     \b
-      JOINT=VALUE, JOINT+=CHANGE  joints; the others stay
+      JOINT=VALUE, JOINT+=CHANGE  joints; others do not move
       POSE                        a saved pose, or home
       width=VALUE                 distance between the fingers
       X Y Z                       a point for the tool
@@ -113,10 +113,10 @@ def move(target: tuple[str, ...], relative: bool, speed: float) -> "Move":
 @command()
 @_moving
 def home(speed: float) -> "Move":
-    """Move to the home of the robot.
+    """Move to the home pose of the robot.
 
-    That is the pose `home` of your poses.yaml. Without one, it is the home in the robot file, or
-    else the start pose.
+    The home pose is the pose `home` in your poses.yaml. If there is none, it is `home` in the robot
+    file. If there is none either, it is the start pose.
     """
     from executive.api.move import HOME, Move
 
@@ -162,7 +162,7 @@ def check_arm(robot: "Robot", where: "Where") -> None:
         Refusal: The position is of another arm.
     """
     if where.units.keys() != {joint.name for joint in robot.actuated}:
-        why = f"the server has another arm than {robot.name}; give its robot file with --robot"
+        why = f"the server has another arm than {robot.name}; give --robot with the file of its arm"
         raise Refusal(why)
 
 
@@ -183,7 +183,7 @@ def _recorded(robot: Any, recordings: Any) -> "tuple[Where, str]":
         why = f"no server runs on this machine, and no recording in {recordings} holds a pose"
         raise ServerUnreachable("localhost", why)
     found = Where.of(arm, State.UNCONFIGURED, arm.by_joint(last.positions))
-    return found, f"{last.source}; the arm may have moved since"
+    return found, f"{last.source}; the arm may have moved since then"
 
 
 def _where_lines(found: "Where", source: str) -> Sequence[str]:
@@ -218,9 +218,10 @@ def stop(server: str | None, as_json: bool) -> None:
     """Stop the arm at once, and cancel all goals.
 
     Without --server, stops all your arms on this machine: those of servers, and those of run, move,
-    home, jog, teach, teleop and replay, which then end. If you have none, stops the arm of the
-    server at the default port, even if another user started it. A Python program is stopped by
-    Ctrl-C. It is not an emergency stop: keep a switch for the power within reach.
+    home, jog, teach, teleop and replay, which then end. If you have no arm, stops the arm of the
+    server at the default port, even if another user started that server. To stop an arm of a Python
+    program, press Ctrl-C there. This command is not an emergency stop: keep a switch for the power
+    within reach.
     """
     from .support.server_requests import stop_all
 

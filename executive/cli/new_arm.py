@@ -58,7 +58,7 @@ def robots(as_json: bool) -> None:
     "--output",
     metavar="FILE",
     type=PATH,
-    help="Robot file to write. Default: as the URDF, here.",
+    help="Robot file to write. Default: NAME.toml in the working directory, for NAME.urdf.",
 )
 @click.option(
     "--tool",
@@ -68,7 +68,7 @@ def robots(as_json: bool) -> None:
 @click.option(
     "--gripper",
     metavar="JOINT,...",
-    help="Joints of the gripper, or none. Default: guessed from the URDF.",
+    help="Joints of the gripper, or `none`. Default: guessed from the URDF.",
 )
 @own_trees_option
 def new_arm(
@@ -76,10 +76,11 @@ def new_arm(
 ) -> None:
     """Make a robot file for an arm from its URDF.
 
-    Limits are those of the URDF. Arm, gripper and tool are guessed. Pairs of links that touch by
-    design or can never touch are found in 10,000 random configurations. The poses open and closed
-    of the gripper are saved. The new arm can move on the port virtual at once. Comments in its
-    file explain what to add for a real board.
+    The limits of joints are those of the URDF. Arm, gripper and tool are guessed. In 10,000 random
+    configurations, armtree finds the pairs of links that touch by design or never touch; it does
+    not check these pairs later. It saves the poses `open` and `closed` of the gripper. The new arm
+    can move on the port virtual at once. Comments in the robot file explain what to add for a real
+    board.
 
     \b
     Example:
@@ -100,7 +101,7 @@ def new_arm(
     if output.exists():
         wrong = f"{output} exists; delete it, or give another file with -o"
     elif not output.absolute().parent.is_dir():
-        wrong = f"there is no folder {output.parent}; create it, or give another"
+        wrong = f"there is no folder {output.parent}; create it, or give another file with -o"
     joints = None if gripper is None else tuple(gripper.split(",")) if gripper != "none" else ()
     try:
         robot = draft_robot(urdf, MAX_MAGNITUDE, joints, tool)
@@ -113,7 +114,7 @@ def new_arm(
     assert robot.tool
     if tool is None and sys.stdin.isatty():
         robot = replace(robot, tool=replace(robot.tool, link=_ask_link(robot, robot.tool.link)))
-    taken = output.stem in shipped_robots()  # tasks and poses of this robot are for its joints
+    taken = output.stem in shipped_robots()  # a shipped robot's tasks are for other joints
     robot = replace(robot, name=f"my_{output.stem}" if taken else output.stem)
     echo("Loading the shapes, and checking 10,000 configurations ...", err=True)
     guesses = guess_gripper_poses(robot)
@@ -133,12 +134,12 @@ def new_arm(
     if not (chosen and chosen.exists() and chosen.samefile(output)):
         words += ["--robot", str(output)]
         line = f"robot = {json.dumps(str(output))}"
-        saves = f"The line `{line}` in armtree.toml saves the option --robot.\n"
+        saves = f"With the line `{line}` in armtree.toml, --robot is not needed.\n"
     echo(f"\n{saves}Next, type: {shlex.join(words)}", whole=True)
 
 
 def _ask_link(robot: "Robot", guess: str) -> str:
-    """Ask for the link of the tool until there is such a link. No text means the guess."""
+    """Ask for the link of the tool until the robot has the link. An empty text means the guess."""
     while (link := ask(f"Link of the tool [{guess}]:") or guess) not in robot.links:
         echo(f"there is no link {link}; there are {choices(link, robot.links)}")
     return link
@@ -155,9 +156,10 @@ def _report(robot: "Robot", allowed: "AllowedPairs", saved: Path | None) -> list
     others = ["others 0"] * (len(away) < len(robot.actuated))
     pose = ", ".join([*away, *others]) if away else "all joints at 0"
     poses = ", ".join(f"{name} {robot.words(each)}" for name, each in allowed.poses.items())
-    free = "no links are checked there"
+    free = "no links are checked"
     if nearest:
-        free = f"{nearest.first} and {nearest.second} are nearest, {1e3 * nearest.distance:.0f} mm"
+        free = f"nearest links: {nearest.first} and {nearest.second}, "
+        free += f"{1e3 * nearest.distance:.0f} mm apart"
     lines = {
         "arm": ", ".join(robot.groups["arm"]),
         "gripper": ", ".join(robot.groups["gripper"]) or "none",
@@ -176,7 +178,7 @@ def _report(robot: "Robot", allowed: "AllowedPairs", saved: Path | None) -> list
 def _warnings(
     robot: "Robot", allowed: "AllowedPairs", guesses: Mapping[str, Mapping[str, float]]
 ) -> Iterator[str]:
-    """Yield what collisions have changed: pairs that are not checked, and poses."""
+    """Yield a warning for pairs of links that are not checked, and for each changed pose."""
     off = [pair for pair, reason in allowed.reasons.items() if reason == "default"]
     if off:
         pairs = ", ".join(" and ".join(pair) for pair in off)

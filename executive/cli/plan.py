@@ -27,7 +27,8 @@ from .terminal.streams import echo
     "--start",
     multiple=True,
     metavar="GOAL",
-    help="Start in quotes: joints, poses or a point, as in GOAL. Default: that of the robot file.",
+    help="Start of the motion, in quotes: joints, poses or a point, written like GOAL. Default: "
+    "the start pose of the robot file.",
 )
 @click.option(
     "--via",
@@ -44,7 +45,7 @@ from .terminal.streams import echo
 @click.option(
     "--group",
     metavar="GROUP",
-    help="Group that moves. Default: the group of the named joints, else the arm.",
+    help="Group of joints that moves. Default: the group of the named joints, else the arm.",
 )
 @option("seed")
 @drawing_option(default=Path("plan.png"), show_default=True)
@@ -75,10 +76,10 @@ def plan(
       JOINT+=CHANGE   a joint, counted from the start
       POSE            a pose of poses.yaml
       X Y Z           a point for the tool
-      TASK            a task: all motions known before a run
+      TASK            a task: motions known before a run
 
-    Numbers without a unit are in rad and m. Joints and poses can be combined. A word that names a
-    pose and a task is the pose.
+    Numbers without a unit are in rad and m. Joints and poses can be combined. If a pose and a task
+    have the same name, the word means the pose.
 
     \b
     Examples:
@@ -94,7 +95,7 @@ def plan(
     """  # noqa: D301
     from skills.motion.workers.memory import check_memory
 
-    check_memory()  # before NumPy, which needs it too
+    check_memory()  # before the import of NumPy, which also needs memory
     from executive.preview.explanation import Explanation
     from executive.preview.plan_request import PlanRequest
 

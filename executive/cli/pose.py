@@ -38,7 +38,7 @@ def pose() -> None:
     show_default=True,
     help="Joints to save: a group of the robot, or `all`.",
 )
-@click.option("--replace", is_flag=True, help="Replace a pose of that name.")
+@click.option("--replace", is_flag=True, help="Replace an earlier pose with this name.")
 @option("server")
 @robot_option
 @recordings_option
@@ -54,7 +54,7 @@ def save(
 ) -> None:
     """Save the commanded pose of the arm, as `armtree where` shows it.
 
-    A shipped pose never changes. With --replace, your own pose is used instead.
+    A shipped pose never changes. With --replace, your own pose of the same name is used instead.
 
     \b
     Examples:
@@ -82,7 +82,7 @@ def save(
 @trees_option
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object per pose.")
 def ls(robot: Path | None, trees: Path | None, as_json: bool) -> None:
-    """List the poses, their joints, and where they are from."""
+    """List the poses with their joint positions, and the file and line of each, or `shipped`."""
     from executive.goals.moves.poses import listed_poses
 
     loaded, library = load_library(trees, robot)
@@ -99,7 +99,7 @@ def ls(robot: Path | None, trees: Path | None, as_json: bool) -> None:
 @trees_option
 @click.option("--json", "as_json", is_flag=True, help="Print a JSON object.")
 def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> None:
-    """Print the joints of a pose, the point of the tool, and where the pose is from."""
+    """Print the joint positions of a pose, the point of the tool, and the file of the pose."""
     from executive.goals.moves.poses import listed_poses
     from hardware.spelling import there_are
     from trees.errors import PoseUnknown
@@ -108,7 +108,7 @@ def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> No
     poses = {each: (positions, source) for each, positions, source in listed_poses(loaded, library)}
     if name not in poses:
         folder = trees or library.shipped[-1]
-        why = f"no pose {name} is here; {there_are(name, poses)}"
+        why = f"there is no pose {name}; {there_are(name, poses)}"
         raise PoseUnknown.at(folder, why)
     positions, source = poses[name]
     moves_tool = all(joint.name in positions for joint in loaded.actuated_in("arm"))
@@ -130,7 +130,7 @@ def show(name: str, robot: Path | None, trees: Path | None, as_json: bool) -> No
 @robot_option
 @own_trees_option
 def rm(name: str, robot: Path | None, trees: Path) -> None:
-    """Remove a pose from your file. Shipped poses stay."""
+    """Remove a pose from your poses.yaml. Shipped poses stay."""
     from hardware import load_robot
     from trees.writing.saved_poses import remove_pose
 
@@ -144,6 +144,6 @@ def _words(robot: "Robot", positions: Mapping[str, float]) -> str:
     return ", ".join(
         f"{name} {known[name].words(q, 4)}"
         if name in known
-        else f"{name}, which {robot.name} lacks"
+        else f"{name}, which {robot.name} does not have"
         for name, q in positions.items()
     )

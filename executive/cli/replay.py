@@ -1,4 +1,4 @@
-"""`armtree replay`: verify recordings, show one, or send its frames again."""
+"""`armtree replay`: verify recordings, show a recorded run, or send its frames again."""
 
 import os
 import sys
@@ -19,7 +19,7 @@ from .terminal.streams import echo
 @command()
 @click.argument("recordings", metavar="RECORDING...", nargs=-1, required=True, type=RECORDING)
 @click.option(
-    "--verify", is_flag=True, help="Plan and compile again, and compare. RECORDING may be a folder."
+    "--verify", is_flag=True, help="Plan and compile runs again, and compare. Also takes a folder."
 )
 @click.option("--watch", is_flag=True, help="Show the run, without an arm.")
 @click.option(
@@ -35,10 +35,13 @@ from .terminal.streams import echo
     type=ABOVE_0,
     default=1.0,
     show_default=True,
-    help="2 is twice as fast. With --on: 0.01 to 1.",
+    help="Factor of the speed: 2 is twice as fast. With --on: 0.01 to 1.",
 )
 @click.option(
-    "--at", type=AT_LEAST_0, metavar="SECONDS", help="With --watch: show only this moment [s]."
+    "--at",
+    type=AT_LEAST_0,
+    metavar="SECONDS",
+    help="With --watch: show only this time [s].",
 )
 @click.option(
     "--jobs",
@@ -63,7 +66,7 @@ def replay(
     folder: Path,
     as_json: bool,
 ) -> None:
-    """Verify recorded runs, show one again, or send it again.
+    """Verify recorded runs, show a recorded run, or send its frames again.
 
     --verify plans and compiles each run again, and compares the result with the recording. --watch
     shows a run without an arm. --on PORT sends the frames of a run to an arm.
@@ -102,7 +105,7 @@ def replay(
     from .support.run_tasks import execute
 
     if not MIN_SPEED <= speed <= 1:
-        why = f"with --on, it is {MIN_SPEED:g} to 1; more would exceed the limits of the joints"
+        why = f"--on takes {MIN_SPEED:g} to 1; a higher speed would exceed the limits of the joints"
         raise click.UsageError(f"--speed {speed:g}: {why}")
     with TemporaryDirectory() as trees:
         setup = Setup(
@@ -145,7 +148,7 @@ def _verify(given: Iterable[Path], jobs: int | None, as_json: bool) -> None:
 
 def _sum_up(verified: int, written: int, wrong: Sequence[tuple[Path, str]]) -> None:
     skipped = f", {written} still being written" if written else ""
-    held = f"{verified - len(wrong)} of {verified} recordings hold{skipped}"
+    held = f"{verified - len(wrong)} of {verified} recordings are verified{skipped}"
     echo(f"{held}{'; the others:' if wrong else ''}")
     for path, code in wrong:
         echo(f"  {path}  {code}")
@@ -161,4 +164,4 @@ def files_of(path: Path) -> list[Path]:
         return [path]
     if found := sorted(path.glob("*.mcap")):
         return found
-    raise Refusal(f"{path}: there are no recordings here")
+    raise Refusal(f"{path}: there are no recordings in this folder")

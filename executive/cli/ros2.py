@@ -19,15 +19,16 @@ from .terminal.streams import echo
 @robot_option
 @option("server", default=local_server)
 def ros2(ros_arguments: tuple[str, ...], robot: Path | None, server: str) -> None:
-    """Offer a server to ROS 2, as the node armtree.
+    """Offer a server to ROS 2, as the node `armtree`.
 
     Start `armtree serve` first. The node has the action task_server (ArduinobotTask), the topics
     joint_states and robot_description, the lifecycle of the hardware, a service ~/run_NAME for
-    every task, and ~/stop. Its goals are canceled if this command ends, or loses the server.
+    every task, and ~/stop. The goals of the node are canceled if this command ends, or loses the
+    server.
 
-    It uses the sourced ROS 2, or the one of `make ros2`. Other programs of ROS
-    need no token, so only those on this machine find it, unless ROS_AUTOMATIC_DISCOVERY_RANGE is
-    set.
+    The command uses the sourced ROS 2, or the ROS 2 that `make ros2` installed. Programs of ROS
+    need no token. Therefore only programs on this machine find the node, unless
+    ROS_AUTOMATIC_DISCOVERY_RANGE is set.
 
     \b
     Examples:
@@ -62,4 +63,4 @@ def ros2(ros_arguments: tuple[str, ...], robot: Path | None, server: str) -> Non
     try:
         sys.exit(signal_status(asyncio.run(run(server, load_robot(robot), ros_arguments))))
     except BadRosArguments as error:
-        raise click.UsageError(f"ROS refuses its arguments: {error}") from error
+        raise click.UsageError(f"ROS refuses the arguments after --: {error}") from error

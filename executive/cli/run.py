@@ -26,10 +26,10 @@ def run(
 ) -> None:
     """Run tasks, one after the other, and record each run.
 
-    A TASK is the number or the name of a task. Ctrl-C cancels it and stops the arm. A second
+    A TASK is the number or the name of a task. Ctrl-C cancels the task and stops the arm. A second
     Ctrl-C, at least 0.5 s later, exits at once. The exit status is that of the last task that ran.
-    If a server on this machine has the arm, `armtree send` runs a task there; --port virtual runs
-    it on a virtual arm instead.
+    If a server on this machine has the arm, `armtree send` runs a task on that server; --port
+    virtual runs it on a virtual arm instead.
 
     \b
     Examples:

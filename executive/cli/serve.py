@@ -13,7 +13,7 @@ from .support.options import run_options, source_options
 
 @command()
 @source_options
-@click.option("--activate", is_flag=True, help="Activate the arm at once. This may move it.")
+@click.option("--activate", is_flag=True, help="Activate the arm at once. This may move the arm.")
 @option("policy")
 @click.option(
     "--bind",
@@ -37,7 +37,7 @@ from .support.options import run_options, source_options
     "origins",
     metavar="URL",
     multiple=True,
-    help="Web page that may connect: http://NAME:PORT. May be repeated.",
+    help="Origin of web pages that may connect: http://NAME:PORT. May be repeated.",
 )
 @click.option(
     "--expose",

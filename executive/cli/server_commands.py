@@ -34,7 +34,7 @@ _goal_argument = click.argument("goal_id", metavar="[GOAL]", default="", callbac
 
 
 def _with_client(function: Callable[..., None]) -> Callable[..., None]:
-    """Add --json and --server to a command. Call it with the client and `as_json`."""
+    """Add --json and --server to a command. Call the command with a client and `as_json`."""
 
     @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
     @option("server", default=local_server)
@@ -50,7 +50,7 @@ def _with_client(function: Callable[..., None]) -> Callable[..., None]:
 
 @command()
 @click.argument("task", type=TASK)
-@click.option("--wait", is_flag=True, help="Show the run until it ends. Ctrl-C cancels it.")
+@click.option("--wait", is_flag=True, help="Show the run until it ends. Ctrl-C cancels the goal.")
 @click.option(
     "--deadman",
     is_flag=True,
@@ -213,15 +213,15 @@ def _goal_command(change: str, meaning: str) -> click.Command:
 
 
 pause = _goal_command(
-    "pause", "Pause GOAL on a server and stop the arm. Without GOAL, pause the running one."
+    "pause", "Pause GOAL on a server and stop the arm. Without GOAL, pause the running goal."
 )
 resume = _goal_command(
-    "resume", "Resume a paused GOAL on a server. Without GOAL, resume the running one."
+    "resume", "Resume a paused GOAL on a server. Without GOAL, resume the paused goal."
 )
 step = _goal_command(
     "step",
     "Resume a paused GOAL on a server until its next skill starts. Without GOAL, resume the "
-    "running one.",
+    "paused goal.",
 )
 
 
@@ -230,10 +230,10 @@ step = _goal_command(
 @click.option("--off", is_flag=True, help="Remove the breakpoint.")
 @_with_client
 def break_(client: "Client", as_json: bool, node: str | None, off: bool) -> None:
-    """Set or remove a breakpoint on a server, or list them.
+    """Set or remove a breakpoint on a server, or list the breakpoints.
 
-    Each goal pauses before it starts NODE, a path that `armtree watch` prints. Without NODE, list
-    all breakpoints.
+    Each goal pauses before it starts NODE. NODE is a path that `armtree watch` prints. Without
+    NODE, list all breakpoints.
     """
     if off and not node:
         raise click.UsageError("--off needs a NODE")
@@ -248,7 +248,7 @@ def break_(client: "Client", as_json: bool, node: str | None, off: bool) -> None
 def answer(client: "Client", as_json: bool, words: tuple[str, ...]) -> None:
     """Answer a question of a running task on a server.
 
-    Without WORDS, list the open questions. ID is needed if there are several.
+    Without WORDS, list the open questions. ID is needed if several questions are open.
     """
     from .support.server_requests import answer_question
 

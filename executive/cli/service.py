@@ -28,7 +28,7 @@ _yes = click.option("--yes", is_flag=True, help="Do not ask.")
 
 @click.group(cls=CommandGroup)
 def service() -> None:
-    """Start `armtree serve` with the computer, as a service of systemd.
+    """Start `armtree serve` when the computer starts, as a service of systemd.
 
     The arm is inactive after a start. A person activates it.
     """
@@ -42,8 +42,8 @@ def service() -> None:
 def install(port: str | None, robot: Path | None, dry_run: bool, yes: bool) -> None:
     """Install and start the service.
 
-    It needs root. The server has a user of its own, `armtree`. It is started again after a crash,
-    and if it hangs for 30 s.
+    The command needs root. The server runs as the user `armtree`. systemd starts the server again
+    after a crash, or if it hangs for 30 s.
 
     \b
     Examples:
@@ -68,7 +68,7 @@ def install(port: str | None, robot: Path | None, dry_run: bool, yes: bool) -> N
             if not dry_run:
                 raise Refusal(why)
             echo(f"This would be refused: {why}", err=True)
-    load_robot(robot)  # the service would start again and again with a wrong one
+    load_robot(robot)  # with a wrong robot file, the service would start again and again
     name, usb = (port, "") if port == VIRTUAL else _persistent(port)
     steps = install_steps(command, name, usb, file.absolute() if file else robot)
     _perform(list(steps), dry_run, yes)
@@ -92,10 +92,10 @@ def _own_path() -> Path:
 
 
 def _persistent(port: str) -> tuple[str, str]:
-    """Return the persistent name of a port, and "". Without one, return the port and its USB id.
+    """Return the persistent name of a port and "". Without a name, return the port and its USB id.
 
     Raises:
-        Refusal: Another port has the same name or USB id.
+        Refusal: Another port has the same USB id, and no persistent names distinguish the ports.
     """
     ports, device = serial_ports(), os.path.realpath(port)
     own = next((each for each in ports if os.path.realpath(each.device) == device), None)
@@ -140,4 +140,4 @@ def _perform(steps: Sequence["Step"], dry_run: bool, yes: bool) -> None:
         if isinstance(step, NewFile):
             write_file(step.path, step.text.encode())
         elif status := subprocess.run(step.words, check=False).returncode:
-            raise Refusal(f"`{step}` failed with status {status}; correct it, then try again")
+            raise Refusal(f"`{step}` failed with status {status}; correct the cause, and try again")

@@ -67,7 +67,7 @@ def tasks(trees: Path | None, robot: Path | None, recordings: Path, as_json: boo
         }
         echo(json.dumps(row) if as_json else _task_lines(row))
     if not library.numbers():
-        echo(f"no task is for {library.robot}; armtree new 0 NAME writes one", err=True)
+        echo(f"no task is for {library.robot}; `armtree new 0 NAME` writes a task", err=True)
     if mistakes:
         raise FileError(mistakes)
 
@@ -156,7 +156,7 @@ def check(
     source = click.get_current_context().get_parameter_source("trees")
     if files and source is click.core.ParameterSource.COMMANDLINE:
         raise click.UsageError(
-            "--trees and FILE exclude each other: a FILE is checked with the files beside it"
+            "give --trees or FILE, not both: a FILE is checked with the other files of its folder"
         )
     from hardware import load_robot
     from trees import FileError
@@ -196,9 +196,9 @@ def check(
 @skills_option
 @_output_option
 def schema(trees: Path | None, robot: Path | None, output: Path | None) -> None:
-    """Print the JSON Schema of task files. Editors use it to complete and check them.
+    """Print the JSON Schema of task files. Editors use it to complete and check task files.
 
-    It includes your own skills and subtrees.
+    The schema includes your own skills and subtrees.
     """
     from trees.export.schema import schema_text
 

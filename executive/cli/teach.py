@@ -39,9 +39,9 @@ _TORQUE = "switches the torque off, to move the arm by hand, or on again"
 @source_options
 @run_options
 def teach(number: int, name: str, server: str | None, speed: float, **options: Any) -> None:
-    """Teach a task: jog the arm from pose to pose, and take each as a step.
+    """Teach a task: jog the arm from pose to pose, and take each pose as a step.
 
-    The keys are those of `armtree jog`, and more:
+    The keys are those of `armtree jog`, and these:
 
     \b
       t  take this pose as a step
@@ -50,8 +50,8 @@ def teach(number: int, name: str, server: str | None, speed: float, **options: A
       f  torque off, to move the arm by hand; or on again
       r  record a path of the hand as a step; or end it
 
-    f and r need servos that measure, and an arm that is not a server's. A path is kept as the
-    fewest points that are within 1 degree and 2 mm of it.
+    f and r need servos that measure. They do not work on the arm of a server. A path is reduced to
+    the fewest points that stay within 1 degree and 2 mm of it.
 
     The file is written at every step, so Ctrl-C or a closed terminal loses nothing. It is an
     ordinary task file in --trees, by default ./trees. Edit it in any editor.
@@ -142,12 +142,12 @@ def summary(
     next_step = "Next"
     if url and not _is_listed(task.path, url):
         start = shlex.join(["--trees", str(folder)])
-        next_step = f"The server does not list it: start armtree serve with {start}. Then"
+        next_step = f"The server does not list this task: start armtree serve with {start}. Then"
     return f"{task.path} has {steps}. {next_step}, type: armtree {shlex.join(words)}"
 
 
 def _is_listed(path: Path, url: str) -> bool:
-    """Return True if a server answers, and reads a task file of this name."""
+    """Return True if a server answers, and lists a task whose file has the name of this file."""
     from executive.client.synchronous import Client
     from executive.errors import ClientError
 
@@ -159,7 +159,7 @@ def _is_listed(path: Path, url: str) -> bool:
 
 
 class _Teaching:
-    """The commands of keys that make steps.
+    """The functions of the keys t, w and u, which change the steps of a task.
 
     Args:
         task: The task.
@@ -196,14 +196,14 @@ def _refuse(_where: "Where", _text: str) -> str:
 
 
 class _Hand:
-    """The commands of keys for a hand-guided arm."""
+    """The functions of the keys f and r, for an arm that a person moves by hand."""
 
     def __init__(self, arm: "OwnArm", task: "TaughtTask") -> None:
         self._arm, self._task = arm, task
         self._recording = False
 
     def switch_torque(self, _where: "Where", _text: str) -> str:
-        """Hold the arm, or release it after a person's confirmation."""
+        """Switch the torque on, or ask whether to switch it off."""
         from .jogging.screen import ConfirmationNeeded
 
         if not self._arm.by_hand:
@@ -221,7 +221,7 @@ class _Hand:
     def record(self, _where: "Where", _text: str) -> str:
         """Start a path, or end it and take it as a step."""
         if not self._arm.by_hand:
-            return "f switches the torque off, so that you can move the arm; then r records it"
+            return "f switches the torque off, so that you can move the arm; r then records a path"
         self._recording = not self._recording
         if self._recording:
             self._arm.start_path()

@@ -30,13 +30,13 @@ from .support.options import run_options, source_options, speed_option
 @source_options
 @run_options
 def teleop(leader: str, leader_robot: Path | None, speed: float, **options: Any) -> None:
-    """Move an arm by moving another one by hand.
+    """Move an arm by moving another arm, the leader, by hand.
 
-    The arm at --port is activated. Then the leader loses its torque, so hold it. The arm first
-    moves to the position of the leader, on a planned path, and then follows it within the limits of
-    the robot file. Every step is checked for collision before it is sent, and recorded. Before a
-    collision the arm stops, and arrows show in which direction each joint is free; it follows again
-    when the leader is back.
+    The arm at --port is activated. Then the leader loses its torque, so hold the leader. The arm
+    first moves to the position of the leader, on a planned path, and then follows the leader within
+    the limits of the robot file. Every step is checked for collision before it is sent, and
+    recorded. Before a collision the arm stops, and arrows show in which direction each joint is
+    free. The arm follows again when the leader is back at a free position.
 
     \b
       space  hold, or follow again

@@ -1,6 +1,6 @@
 """A dry run: checks a task and plans its motions. Nothing moves.
 
-It has the events of a run, so every view of a run can show it.
+The result has the events of a run. Therefore every view of a run can show it.
 """
 
 import uuid
@@ -48,10 +48,10 @@ def dry_run(
     """Check a task and plan its motions. Blocks until all are planned or one is refused.
 
     Args:
-        context: Robot, planners, their seed and timeout, and the world before the task.
+        context: Robot, planners with seed and timeout, and the world before the task.
         library: Files of the task.
         number: Number of the task.
-        arguments: Values of its parameters.
+        arguments: Values of the parameters of the task.
         start: Configuration before the task [rad].
 
     Raises:
@@ -64,7 +64,7 @@ def dry_run(
         tree, context.robot, context.pool, start, context.scene.world, context.seed
     )
     assumed = {each.node for each in motions if each.assumed_start}
-    messages = (*unknown, *(f"{node}: its start is known only in a run" for node in assumed))
+    messages = (*unknown, *(f"{node}: the start is known only in a run" for node in assumed))
     identity, name = uuid.uuid4().hex, library.head(number).name
     pose = context.robot.by_joint(start)
     events: list[Event] = [logs.Goal(0.0, identity, number, name, context.seed, pose)]
@@ -107,7 +107,7 @@ def _play(context: Context, query: Query, begin: float, events: list[Event]) -> 
         raise contact
     for number, setpoint in enumerate(schedule.setpoints, 1):
         time = begin + setpoint.time
-        # After its last frame, the arm is where the motion ends.
+        # After the last frame, the arm is at the end of the motion.
         there = schedule.end if number == len(schedule.setpoints) else setpoint.positions
         frame = FrameSent(time, setpoint.frame.data, there, scheduled=time)
         events.append(arm_record(frame, robot))

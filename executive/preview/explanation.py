@@ -25,10 +25,10 @@ class Explanation:
     """Plans and draws each motion of a request, and explains it.
 
     Args:
-        request: The motions to plan.
-        world: JSON file with a list of bodies, in the form of `World.plain`; None for no bodies.
-        output: PNG, SVG or PDF file to write. Further motions are written to files beside it, with
-            a number in their names.
+        request: Arguments of `armtree plan`, with the motions to plan.
+        world: JSON or YAML file with a list of bodies, as in `World.plain`; None for no bodies.
+        output: PNG, SVG or PDF file for the drawing of the first motion. Drawings of further
+            motions are written to the same folder, with a number in their names.
 
     Raises:
         BadTarget: Goal or start is invalid.
@@ -53,14 +53,14 @@ class Explanation:
         """
         yield f"Prepared  in {_times(self._watch.milliseconds)}"
         for message in self._unknown:
-            yield f"Not seen  {message}"
+            yield f"Unplanned {message}"
         for number, motion in enumerate(self._motions, 1):
             first, plan, picture = self._planned(number, motion)
             if len(self._motions) > 1:
                 yield f"Motion {number} of {len(self._motions)}"
             if motion.assumed_start:
                 start = _joints(self._robot, plan.joints, plan.origin)
-                yield f"Start     assumed to be {start}: it is known only in a run"
+                yield f"Start     assumed to be {start}: the start is known only in a run"
             yield from _explain_plan(self._robot, plan, len(motion.query.via), first)
             yield from _bodies(motion.query.world, motion.left_out)
             _draw(self._robot, motion.query.world, plan, picture)
@@ -132,21 +132,21 @@ def _explain_plan(robot: Robot, plan: Plan, via: int, first: float) -> Iterator[
     Args:
         robot: Description of the robot.
         plan: The plan.
-        via: Number of points to pass.
-        first: Time that planning took in a new process [ms].
+        via: Number of points that the motion passes.
+        first: Time of the first planning in this process [ms].
     """
     straight = straight_duration(plan)
     yield f"Goal      {_joints(robot, plan.joints, plan.goal)}"
     longer = ""
     if len(plan.waypoints) > 2:
         if straight:
-            longer = f", this one {100.0 * (plan.duration / straight - 1.0):.1f} % longer"
+            longer = f", the path is {100.0 * (plan.duration / straight - 1.0):.1f} % longer"
         how = f"through {via} point{'s' * (via > 1)}" if via else "around an obstacle"
         yield f"Path      {how}, {len(plan.waypoints)} waypoints"
     else:
-        yield "Path      straight" if plan.duration else "Path      none: the arm is there already"
+        yield f"Path      {'straight' if plan.duration else 'none: the arm is at the goal already'}"
     yield f"Duration  {plan.duration:.3f} s; a straight line would take {straight:.3f} s{longer}"
-    yield f"Found in  {_times(plan.milliseconds)}; the first time in {first:.2f} ms"
+    yield f"Planned   in {_times(plan.milliseconds)}; the first planning took {first:.2f} ms"
     for limit in limits_met(plan):
         value = robot.joint(limit.joint).words(limit.value) + (
             "/s" if limit.kind == "speed" else "/s²"
@@ -169,9 +169,9 @@ def _joints(robot: Robot, names: Iterable[str], positions: Iterable[float]) -> s
 def _bodies(world: World, left_out: Sequence[str]) -> Iterator[str]:
     bodies = (f"{b.name} on {b.link}" if b.link else b.name for b in world.bodies)
     if world.bodies:
-        yield f"Around    {', '.join(bodies)}"
+        yield f"Bodies    {', '.join(bodies)}"
     if left_out:
-        yield f"Left out  {', '.join(left_out)}: their place is known only in a run"
+        yield f"Left out  {', '.join(left_out)}: bodies whose pose is known only in a run"
 
 
 def _draw(robot: Robot, world: World, plan: Plan, output: Path) -> None:

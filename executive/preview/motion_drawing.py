@@ -47,14 +47,14 @@ def motion_drawing(robot: Robot, world: World, configurations: ArrayLike) -> Mot
 
 @dataclass
 class _Motion:
-    """Positions commanded between two planning phases, by joint [rad]."""
+    """A motion: its first plan, its start, and its commanded positions, by joint [rad]."""
 
     plan: Plan
     start: dict[str, float] = field(default_factory=dict)
     commanded: list[dict[str, float]] = field(default_factory=list)
 
     def add(self, plan: Plan) -> None:
-        """Add the plan of a group. Its start positions are valid for its own joints."""
+        """Add the plan of a group. The start positions in the plan are valid for its own joints."""
         own = {name: q for name, q in plan.start.items() if name in plan.joints}
         self.start = plan.start | self.start | own
 
@@ -66,7 +66,7 @@ class _Motion:
 
 
 def scenes_of(path: Path) -> list[MotionScene]:
-    """Return one scene per world with bodies: the bodies, and the motions of the run in it.
+    """Return one scene per world with bodies: the bodies, and the motions of the run among them.
 
     Raises:
         RecordingError: The recording cannot be read, or does not contain a valid robot.
@@ -78,7 +78,7 @@ def scenes_of(path: Path) -> list[MotionScene]:
 
 
 def scenes_in(records: Iterable[object], robot: Robot) -> list[MotionScene]:
-    """Return one scene per world, also without bodies. Bodies with a mesh are not drawn.
+    """Return one scene per world, also for a world without bodies. Bodies with a mesh are left out.
 
     Args:
         records: Events of a run. Only goals, plans and sent frames are used.
@@ -95,7 +95,7 @@ def scenes_in(records: Iterable[object], robot: Robot) -> list[MotionScene]:
 
 @dataclass
 class _InWorld:
-    """The motions in one world, by number, and the recorded bodies."""
+    """The recorded bodies of one world, and the motions in this world, by number."""
 
     world: Sequence[Mapping[str, Any]]
     motions: dict[int, _Motion] = field(default_factory=dict)
@@ -130,5 +130,5 @@ def _scene(robot: Robot, files: Mapping[str, bytes], found: _InWorld) -> MotionS
     rows = [[poses[index][joint.name] for joint in robot.actuated] for index in chosen]
     numbers = ", ".join(map(str, found.motions))
     around = bodies_text(found.world) or "nothing"
-    title = f"Motion{'s' * (len(found.motions) > 1)} {numbers}; around: {around}"
+    title = f"Motion{'s' * (len(found.motions) > 1)} {numbers}; bodies in the world: {around}"
     return MotionScene(title, motion_drawing(robot, world, rows))

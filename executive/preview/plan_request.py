@@ -43,7 +43,7 @@ class PlanRequest:
         start: Start, in the form of `words`, but not a task. Other joints are in the start pose of
             the robot file.
         via: Waypoints, each in the form of `start`. Other joints stay at the start.
-        tool: Further inputs for a point of the tool: values of TOOL_PORTS, by port.
+        tool: Further inputs for a point for the tool: values of TOOL_PORTS, by port.
     """
 
     robot: Robot
@@ -75,7 +75,7 @@ class PlanRequest:
             start = boot | reader.positions(self.start, boot, {}, goal=False)
         if self.tool and not is_point(self.words, reader.poses):
             options = ", ".join(f"--{port}" for port in self.tool)
-            raise BadTarget(f"{options} needs a point for the tool; give x y z")
+            raise BadTarget(f"{options} needs a point for the tool as GOAL; give x y z")
         word = self.words[0] if len(self.words) == 1 else ""
         number = int(word) if word.isdecimal() else self.library.names().get(word)
         if number is not None and word not in poses:
@@ -152,8 +152,8 @@ class _Reader:
 
         Args:
             words: The words, as in PlanRequest.
-            start: Position of every actuated joint.
-            tool: Further inputs for a point of the tool.
+            start: Position of every actuated joint [rad].
+            tool: Further inputs for a point for the tool, by port.
             goal: True if the words are the goal; False if they are the value of an option.
         """
         also = [TASK] if goal else []

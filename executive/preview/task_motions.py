@@ -20,10 +20,10 @@ class Motion:
 
     Attributes:
         query: The planning query.
-        left_out: Bodies that are left out of its world, because their pose is known only in a run.
+        left_out: Bodies that the world lacks, because their pose is known only in a run.
         assumed_start: True if the start is known only in a run. The query then starts at the end of
             the previous motion.
-        node: Path of the node with the target; empty if no task has it.
+        node: Path of the node with the target; empty for a motion without a task.
     """
 
     query: Query
@@ -46,7 +46,7 @@ def task_motions(
     Args:
         tree: The checked task.
         robot: The robot.
-        solver: Answers requests of the prediction.
+        solver: Planner or planner processes, which compute the poses in the prediction.
         position: Configuration before the task [rad].
         world: World before the task.
         seed: Seed of the planner.

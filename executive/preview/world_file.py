@@ -51,8 +51,8 @@ def _plain(file: Path, data: bytes) -> Any:
 
 
 def _mistakes(file: Path, data: bytes, errors: Sequence[BadWorld]) -> list[Mistake]:
-    """Return wrong bodies as mistakes, with their places unless the file is large."""
-    if any(error.location for error in errors):  # reading the places takes seconds
+    """Return errors of bodies as mistakes, with their lines if the errors have locations."""
+    if any(error.location for error in errors):  # to find lines takes seconds in a large file
         with suppress(FileError, UnicodeDecodeError):
             root, _ = draft_document(file, data.decode())
             return [_mistake(root, error) for error in errors]

@@ -53,7 +53,7 @@ def test_the_tour(tmp_path: Path) -> None:
     assert "1  pick" in done.stdout
     assert (tmp_path / "plan.png").exists()
     assert len(list(tmp_path.glob("recordings/*-1.png"))) == 2
-    assert "3 of 3 recordings hold" in done.stdout
+    assert "3 of 3 recordings are verified" in done.stdout
 
 
 @pytest.mark.parametrize("shell", ["zsh", "fish"])

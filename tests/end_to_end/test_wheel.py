@@ -123,8 +123,8 @@ def test_another_package_keeps_its_name(environment: Path, tmp_path: Path) -> No
         assert call(python, "-c", named, folder=tmp_path) == "other\n"
         said = call(environment / "bin" / "armtree", "tasks", folder=tmp_path, status=1)
         assert (
-            f"Another package named logs hides that of armtree: {other}. If it is yours, rename it"
-            in said
+            f"Another package named logs hides the package logs of armtree: {other}. If that "
+            "package is yours, rename it" in said
         )
     finally:
         other.unlink()

@@ -83,7 +83,7 @@ def test_a_real_port_is_refused(trees: Path, command: list[str]) -> None:
 def test_doctor_says_so(trees: Path) -> None:
     arguments = ["doctor", "--robot", ARM, "--recordings", str(trees)]
     result = CliRunner().invoke(cli, arguments)
-    assert "?   driver      none is named" in result.output
+    assert "?   driver      no driver is named" in result.output
     assert "ok  port        virtual: nothing real moves" in result.output
     result = CliRunner().invoke(cli, [*arguments, "--port", "/dev/ttyACM0"])
     assert "NO  port" in result.output

@@ -1,1 +1,1 @@
-"""Jogging: keys become small moves, shown on a screen, of this command's arm or a server's."""
+"""Jogging: keys move an arm of this command or of a server in small steps, shown on a screen."""

@@ -14,17 +14,17 @@ from executive.task_runner import TaskRunner
 from hardware import NotActive
 from logs import MOVE, Measured, Sent, Transition
 
-# Events after which the arm has moved or changed its state. The end of a motion is one of them,
-# because its last setpoints may not change the frame.
+# Events after which the arm has moved or changed its state. A GoalStatus is one of them: the last
+# setpoints of a motion may move the arm without a new frame.
 _CHANGES = (Sent, Transition, GoalStatus)
 _KINDS = (STATUS, EVENTS[Sent], EVENTS[Transition])
 
 
 class OwnArm:
-    """An arm of this command.
+    """An arm that this command drives itself, without a server.
 
     Attributes:
-        by_hand: True while its servos have no torque.
+        by_hand: True while the servos of the arm have no torque.
     """
 
     def __init__(self, executive: Executive) -> None:
@@ -32,11 +32,11 @@ class OwnArm:
         self._path: list[Mapping[str, float]] | None = None
 
     def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
-        """Move, and wait for the end. Also returns the outcome of a refused move.
+        """Execute a move, and return its outcome when it has ended or is refused.
 
         Args:
             move: The move.
-            accepted: Callback when the move is accepted. A stop works from then on.
+            accepted: Callback that is called when the move is accepted. `stop` then stops the move.
         """
         return without_server(self._runner.run(move, accepted=accepted), "move again")
 
@@ -45,10 +45,10 @@ class OwnArm:
         self._executive.cancel()
 
     def where(self) -> Where:
-        """Return the position of the arm. It is measured while a person moves the arm.
+        """Return the position of the arm. While a person moves the arm, it is the measured one.
 
         Raises:
-            NotActive: The arm failed while a person moved it. Only the next call raises this.
+            NotActive: The arm failed while a person moved it. Only the first call raises this.
         """
         where = self._executive.where()
         if not self.by_hand:
@@ -64,7 +64,7 @@ class OwnArm:
         return self._executive.status().fault
 
     def watch(self, changed: Callable[[], None]) -> None:
-        """Call a function after each motion or change of state. Returns at once."""
+        """Call a function after each change of position or state. Returns at once."""
 
         def note(event: Event) -> None:
             by_hand = self.by_hand and isinstance(event, Measured)
@@ -81,17 +81,17 @@ class OwnArm:
         self.by_hand, self._path = not on, None
 
     def start_path(self) -> None:
-        """Start to store measurements."""
+        """Start a path: store the measured positions from now on."""
         self._path = [self.where().measured or {}]
 
     def end_path(self) -> Sequence[Mapping[str, float]]:
-        """Return the measurements since the start of the path."""
+        """End the path. Return its measured positions by joint [rad or m]; empty without a path."""
         path, self._path = self._path, None
         return path or ()
 
 
 class ServerArm:
-    """The arm of a server. No person moves it by hand."""
+    """The arm of a server. A person cannot move it by hand."""
 
     by_hand = False
 
@@ -99,7 +99,7 @@ class ServerArm:
         self._client = client
 
     def move(self, move: Move, accepted: Callable[[], None]) -> Outcome:
-        """Move, and wait for the end, as `OwnArm.move` does."""
+        """Execute a move, and return its outcome, as `OwnArm.move` does."""
         try:
             goal_id = self._client.send_move(move)
         except Refused as error:
@@ -116,12 +116,16 @@ class ServerArm:
         return self._client.where()
 
     def watch(self, changed: Callable[[], None]) -> None:
-        """Call a function after each motion or change of state, until the server ends."""
+        """Call a function after each change of position or state.
+
+        Raises:
+            ServerUnreachable: The server has ended.
+        """
         with self._client.events(*_KINDS) as events:
             for _ in events:
                 changed()
         raise ServerUnreachable(self._client.url, "it has ended")
 
 
-# Any thread may call the methods of both.
+# Any thread may call the methods of both classes.
 JogArm = OwnArm | ServerArm

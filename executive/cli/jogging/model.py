@@ -14,22 +14,22 @@ from hardware.printable import plural
 STEPS = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0)  # sizes of a step [deg] or [mm]
 _POSES = {"h": HOME, "o": "open", "c": "closed"}
 _TOOL = "xyz"
-_UP, _DOWN = "tool up", "tool down"  # column of the tool's z
-_MESSAGE = 4  # a message has at most 1 / this number of the lines
-_LISTED = 34  # smallest number of columns of the axes beside a list
-_NAMED = 16  # smallest number of columns of a name
-_STEP = 24  # smallest number of columns of a step
-_ABOUT = "During a move, the last pressed key waits; letters act when the arm is still"
+_UP, _DOWN = "tool up", "tool down"  # words for a move of the tool along z
+_MESSAGE = 4  # a message takes at most the lines of the screen / _MESSAGE
+_LISTED = 34  # smallest width of the list of axes, if the steps are beside it [columns]
+_NAMED = 16  # smallest width of the name of an axis [columns]
+_STEP = 24  # smallest width of a step [columns]
+_ABOUT = "During a move, the last pressed key waits for the end of the move; a command waits, too"
 _HARD = "\xa0"  # no-break space
 
 
 @dataclass(frozen=True, slots=True)
 class Axis:
-    """Axis of the arrow keys: a joint, the tool along x, y or z, or a turn of the tool.
+    """What the arrow keys move: a joint, the tool along x, y or z, or a turn of the tool.
 
     Attributes:
         name: Name of the joint, or words such as `tool x` and `tool roll`.
-        unit: Unit of its position, `rad` or `m`.
+        unit: Unit of the position, `rad` or `m`.
         column: Index of x, y or z for the tool; None for a joint or a turn.
         turn: `roll`, `pitch` or `yaw` for a turn; empty for others.
     """
@@ -45,20 +45,20 @@ class Axis:
         return DISPLAY_UNITS[self.unit][1]
 
     def words(self, amount: float) -> tuple[str, ...]:
-        """Return the words of a move by an amount [deg], or [mm]."""
+        """Return the target of a relative move by an amount [deg or mm], as in `armtree move`."""
         change = f"{amount:g}{self.people_unit}"
         if self.column is None:
             return (f"{self.turn or self.name}={change}",)
         return tuple(change if each == self.column else "0" for each in range(len(_TOOL)))
 
     def change(self, amount: float) -> str:
-        """Return a change by an amount [deg], or [mm], for people, such as `tool down 10 mm`."""
+        """Return a move by an amount [deg or mm], for people, such as `tool down 10 mm`."""
         if self.column == len(_TOOL) - 1:
             return f"{_UP if amount > 0 else _DOWN} {abs(amount):g} {self.people_unit}"
         return f"{self.name} by {amount:+g} {self.people_unit}"
 
     def shown(self, where: Where) -> str:
-        """Return the position for people; empty for a turn."""
+        """Return the position on the axis for people, `?` if it is unknown; empty for a turn."""
         if self.turn:
             return ""
         if self.column is None:
@@ -109,7 +109,7 @@ class Call:
 
 @dataclass(frozen=True, slots=True)
 class Yes:
-    """Action: execute the action of the question."""
+    """Action: call the function of the question, because the user pressed y."""
 
 
 Action = Go | Stop | Leave | Call | Yes
@@ -120,9 +120,9 @@ class KeyCommand:
     """The command of a key. It does not move the arm.
 
     Attributes:
-        title: Action of the command, for the line of keys, such as `save pose`; empty to hide it.
+        title: Short description for the list of keys, such as `save pose`; empty to hide the key.
         prompt: Question shown before the user types a text; empty if the command takes none.
-        about: Effect of the command, for the help of `?`.
+        about: Effect of the command, for the help that the key ? shows.
     """
 
     title: str = ""
@@ -136,8 +136,8 @@ class Jog:
 
     Attributes:
         axes: Axes that can be moved.
-        commands: Further commands, by key.
-        speed: Share of the robot's speed.
+        commands: Commands that do not move the arm, by key.
+        speed: Share of the robot's speed, 0.01 to 1.
         gripper: True if the arm has a gripper.
         selected: Index of the axis that the arrows move.
         step: Index of the size of a step in `STEPS`.
@@ -147,7 +147,7 @@ class Jog:
         calling: The command to execute when the arm is still, or None.
         dropped: Number of ignored keys during a move. It is kept until the next move or the first
             key after the move.
-        lost: True if the arm is lost. Then only q has an effect: it leaves.
+        lost: True if the server of the arm is lost. Only q then has an effect: it leaves the jog.
         prompt: Key of the command whose text is being typed, or empty.
         typed: Text that was typed so far.
         question: Question that y or n answers, or empty.
@@ -180,8 +180,8 @@ class Jog:
 
         Args:
             where: Position of the arm.
-            commands: Further commands, by key.
-            speed: Share of the robot's speed.
+            commands: Commands that do not move the arm, by key.
+            speed: Share of the robot's speed, 0.01 to 1.
             message: First message.
         """
         joints = [Axis(name, unit) for name, unit in where.units.items()]
@@ -195,7 +195,7 @@ class Jog:
         return self.axes[self.selected]
 
     def press(self, key: str) -> tuple["Jog", Action | None]:
-        """Return the state after a key, and the actions."""
+        """Return the state after a key, and the action to execute, or None."""
         if self.lost:
             return self, Leave() if key == "q" else None
         if key == " ":
@@ -217,9 +217,9 @@ class Jog:
         return state._explained(key), None
 
     def _stopped(self) -> "Jog":
-        """Return the state after a space. A prompt stays open, because it moves no arm.
+        """Return the state after a space. An open prompt stays open.
 
-        If the arm is still, the space belongs to the text.
+        If a prompt is open and the arm is still, the space becomes part of the typed text.
         """
         if self.prompt and not self.moving:
             return replace(self, typed=f"{self.typed} ")
@@ -227,11 +227,11 @@ class Jog:
         # The end of the move confirms the stop.
         said = f"{'Stopping' if self.moving else 'Stopped'}{self._undone}"
         if self.prompt:
-            return stopped.said(f"{said}; the space was not typed; Escape leaves")
+            return stopped.said(f"{said}; the space is not in the text; Escape ends the text")
         return stopped._closed().said(said)
 
     def _explained(self, key: str) -> "Jog":
-        """Return the state after a key that does nothing else. Escape clears the message."""
+        """Return the state after any other key: help or an error. Escape clears the message."""
         if key == ESCAPE:
             return self.said("")
         if key == "?":
@@ -244,11 +244,11 @@ class Jog:
         return self.said(f"{key_name(key)} is not a key of jog; ? shows help", failed=True)
 
     def ended(self, message: str, failed: bool) -> tuple["Jog", Action | None]:
-        """Return the state after the end of the current move, and the actions.
+        """Return the state after the end of the current move, and the action to execute, or None.
 
         Args:
-            message: Words for the end of a failed move; empty if it succeeded. A failure drops the
-                waiting move and command.
+            message: Message about a failed or stopped move; empty if the move succeeded. A message
+                drops the waiting move and the waiting command.
             failed: True if the move failed.
         """
         state = replace(self, moving=None, waiting=None)
@@ -260,7 +260,7 @@ class Jog:
         return replace(state, calling=None), self.calling
 
     def lose(self, why: str) -> "Jog":
-        """Return the state after the arm is lost.
+        """Return the state after the server of the arm is lost.
 
         Args:
             why: Reason of the loss, for people.
@@ -269,7 +269,7 @@ class Jog:
         return state._closed().said(why, failed=True)
 
     def ask(self, question: str) -> "Jog":
-        """Return the state with a question for y or n. Of other keys, only space counts."""
+        """Return the state with a question. Only y, n, Escape and space then have an effect."""
         return replace(self, question=question).said("")
 
     def said(self, message: str, failed: bool = False) -> "Jog":
@@ -277,11 +277,14 @@ class Jog:
         return replace(self, message=message, failed=failed)
 
     def refused(self, call: Call, why: str) -> "Jog":
-        """Return the state after a failed command. Its prompt opens again, with the typed text."""
+        """Return the state after a failed command. If it has a prompt, the prompt opens again.
+
+        The prompt then has the typed text.
+        """
         if not self.commands[call.key].prompt:
             return self.said(why, failed=True)
         state = replace(self, prompt=call.key, typed=call.text)
-        return state.said(f"{why}; Escape leaves", failed=True)
+        return state.said(f"{why}; Escape ends the text", failed=True)
 
     def lines(
         self, where: Where, width: int, rows: int, title: str, steps: Sequence[str] | None = None
@@ -294,7 +297,7 @@ class Jog:
             rows: Number of lines. On a low screen, only the axes around the selected one and the
                 last steps are shown.
             title: Title of the screen, such as `armtree jog`.
-            steps: Taken steps, for people; None for a jog without steps.
+            steps: Steps of the taught task, for people; None for a jog without steps.
         """
         said = wrap(self.message, width)
         shown = [*wrap(self._typing, width), *wrap(self._next, width), *said]
@@ -315,7 +318,7 @@ class Jog:
     def _listed(self, where: Where, most: int) -> Iterator[str]:
         longest = max(_NAMED, *(len(each.name) for each in self.axes))
         counted = len(self.axes) > most > 2
-        most -= counted  # room for the line with the number of hidden steps
+        most -= counted  # room for the line with the number of hidden axes
         first = min(max(self.selected - most // 2, 0), max(len(self.axes) - most, 0))
         for number, axis in enumerate(self.axes[first : first + most], first):
             mark = ">" if number == self.selected else " "
@@ -325,7 +328,7 @@ class Jog:
             yield f"     … {len(self.axes) - most} more"
 
     def _state(self, where: Where, width: int) -> list[str]:
-        """Return the line with the size of a step, the gripper's width and the current move."""
+        """Return the lines with the size of a step, speed, gripper's width and current move."""
         size = f"step {STEPS[self.step]:g} {self.axis.people_unit}   speed {self.speed:g}"
         size += f"   width {where.width_words}" if where.width_words else ""
         return [*wrap(size, width), f"moving {self.moving.words}" if self.moving else ""]
@@ -346,7 +349,7 @@ class Jog:
         if self.calling:
             words.append(f"at the end of the move: {self._called}")
         if self.dropped:
-            words.append(f"{plural(self.dropped, 'key')} not taken")
+            words.append(f"{plural(self.dropped, 'key')} ignored")
         return "; ".join(words)
 
     @property
@@ -357,7 +360,7 @@ class Jog:
 
     @property
     def _undone(self) -> str:
-        """The message if the next command is dropped."""
+        """The end of a message that drops the waiting command; empty if no command waits."""
         return f"; not done: {self._called}" if self.calling else ""
 
     def _help(self, width: int) -> list[str]:
@@ -375,7 +378,7 @@ class Jog:
         return sum(axis.column is None and not axis.turn for axis in self.axes)
 
     def _chosen(self, key: str) -> int | None:
-        """Return the axis that a key chooses, or None."""
+        """Return the index of the axis that a key chooses, or None."""
         joints = self._joints
         if key in (UP, DOWN):
             return (self.selected + (1 if key == DOWN else -1)) % len(self.axes)
@@ -385,7 +388,7 @@ class Jog:
         return number - 1 if 0 < number <= joints else None
 
     def _go(self, key: str) -> Go | None:
-        """Return the move of a key, or None."""
+        """Return the move of a key, or None for another key."""
         if key in (LEFT, RIGHT):
             amount = STEPS[self.step] if key == RIGHT else -STEPS[self.step]
             move = Move(self.axis.words(amount), relative=True, speed=self.speed)
@@ -394,7 +397,10 @@ class Jog:
         return Go(Move((pose,), speed=self.speed), f"to {pose}") if pose else None
 
     def _pressed(self, go: Go) -> tuple["Jog", Action | None]:
-        """Return the state after the key of a move. The move starts, waits or is dropped."""
+        """Return the state after the key of a move: the move starts, waits or is dropped.
+
+        Also returns the action to execute, or None.
+        """
         if not self.moving:
             return self._started(go)
         if self.calling:  # the pose for a waiting command must not change any more
@@ -407,13 +413,16 @@ class Jog:
 
     def _call(self, key: str) -> tuple["Jog", Action | None]:
         if self.calling:
-            return self.said(f"{self._called} comes first", failed=True), None
+            return self.said(f"first, wait for: {self._called}", failed=True), None
         if self.commands[key].prompt:
             return replace(self, prompt=key, typed="").said(""), None
         return self._when_still(Call(key, ""))
 
     def _when_still(self, call: Call) -> tuple["Jog", Action | None]:
-        """Return the state after a command, and the actions. The command waits for a still arm."""
+        """Return the state after the key of a command, and the action to execute, or None.
+
+        During a move, the command waits for the end of the move.
+        """
         state = self.said("")
         return (replace(state, calling=call), None) if self.moving else (state, call)
 
@@ -422,7 +431,7 @@ class Jog:
         return replace(self, prompt="", typed="", question="")
 
     def _answer(self, key: str) -> tuple["Jog", Action | None]:
-        """Return the state after a key that may answer the question."""
+        """Return the state after a key that may answer the question, and the action, or None."""
         if key == "y":
             return self._closed(), Yes()
         if key in ("n", ESCAPE):
@@ -430,7 +439,7 @@ class Jog:
         return self, None
 
     def _type(self, key: str) -> tuple["Jog", Action | None]:
-        """Return the state after a key of a text."""
+        """Return the state after a key while a text is typed, and the action, or None."""
         if key == ENTER:
             state = self._closed().said("")
             return state._when_still(Call(self.prompt, self.typed)) if self.typed else (state, None)
@@ -443,7 +452,13 @@ class Jog:
 
 
 def _last(steps: Sequence[str], most: int, width: int) -> list[str]:
-    """Return the last steps with their numbers, in at most this number of lines."""
+    """Return the last steps, each with its number.
+
+    Args:
+        steps: The steps, for people.
+        most: Largest number of lines.
+        width: Number of columns of a line.
+    """
     if not steps:
         return ["no step yet; t takes one"]
     numbered = [f"{number} {step}" for number, step in enumerate(steps, 1)][-most:]

@@ -33,14 +33,14 @@ def run_jog(
     title: str = "armtree jog",
     steps: Callable[[], Sequence[str]] | None = None,
 ) -> int:
-    """Jog an arm until a key or a signal ends it. Then print its position.
+    """Jog an arm until a key or a signal ends the jog. Then print the position of the arm.
 
     Args:
         server: URL of the server; None for an arm of this command.
-        options: Fields of a `Setup`.
+        options: Values for fields of a `Setup`, by name.
         speed: Share of the robot's speed, 0.01 to 1.
-        commands: Callback that gets the arm and returns further commands, which do not move it: by
-            key, each command with its function.
+        commands: Callback that gets the arm. It returns the commands that do not move the arm, by
+            key, each with its function.
         title: Title of the screen.
         steps: Callback that returns the steps of the taught task as texts; None to show no steps.
 
@@ -76,7 +76,7 @@ def run_jog(
 
 @contextmanager
 def _arm(server: str | None, options: Mapping[str, Any]) -> Iterator[tuple[str, JogArm, str]]:
-    """Open the arm. Yield its name in words, the arm, and the first message."""
+    """Open the arm. Yield a line with its server or port, the arm, and the first message."""
     if server:
         with Client(server) as client:
             note = "Activate the arm first: armtree arm activate"
@@ -95,7 +95,7 @@ def _arm(server: str | None, options: Mapping[str, Any]) -> Iterator[tuple[str, 
 
 
 def _hold(arm: JogArm) -> str:
-    """Hold a hand-guided arm at its position. Return the error, or ""."""
+    """Switch the torque on, if the arm is moved by hand. Return an error for people, or ""."""
     if isinstance(arm, OwnArm) and arm.by_hand:
         try:
             arm.switch_torque(on=True)

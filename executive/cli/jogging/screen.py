@@ -1,4 +1,4 @@
-"""The full-screen view of a jog: keys in, moves out, and the arm on the screen."""
+"""The full-screen view of a jog. It reads keys, starts moves, and shows the arm."""
 
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -27,13 +27,13 @@ _SHOWN = (HardwareError, TreeError, click.ClickException)
 _STRETCHED = "the arm is stretched out or at a limit: move a joint first"
 
 
-# Function of a key's command: receives the position of the arm and the typed text, and returns a
-# message. The screen shows the message of an exception.
+# Function of a key's command. It receives the position of the arm and the typed text, and returns
+# a message for the screen. The screen also shows the message of an exception in `_SHOWN`.
 Act = Callable[[Where, str], str]
 
 
 class ConfirmationNeeded(Exception):
-    """Exception of a command that needs an answer first.
+    """A command needs an answer to a question before it acts.
 
     Args:
         text: The question, which y or n answers.
@@ -62,13 +62,13 @@ _Event = _Ended | Where | Exception
 
 
 class JogScreen(KeyScreen):
-    """Jogs an arm by keys, until a key or a signal ends it.
+    """The screen of a jog. Keys move the arm, until a key or a signal ends the jog.
 
     Args:
         arm: The arm.
-        commands: Further commands, by key, each with its function.
-        speed: Share of the robot's speed.
-        note: First message.
+        commands: Commands that do not move the arm, by key, each with its function.
+        speed: Share of the robot's speed, 0.01 to 1.
+        note: First message on the screen.
         title: Title of the screen, such as `armtree jog`.
         steps: Callback that returns the steps of the taught task as texts; None to show no steps.
     """
@@ -97,7 +97,7 @@ class JogScreen(KeyScreen):
         self._asked: Callable[[], str] | None = None
 
     def run(self, keys: int) -> Where:
-        """Jog until a key or `leave`. Then return the position of the arm.
+        """Jog until a key or `leave` ends the jog. Then return the position of the arm.
 
         Args:
             keys: File handle of the keyboard, which is read key by key.
@@ -125,7 +125,7 @@ class JogScreen(KeyScreen):
             self._post(error)
 
     def _follow(self) -> None:
-        """Read the position of the arm after every change. Changes during a read cause another."""
+        """Read the position of the arm after every change, also after a change during a read."""
         while self._changed.wait() and not self._ended.is_set():
             self._changed.clear()
             try:
@@ -230,7 +230,10 @@ def outcome_words(outcome: Outcome) -> tuple[str, bool]:
 
 
 def cause_words(cause: Cause) -> str:
-    """Return a cause in words, without the planner that failed. The screen may cut its end."""
+    """Return code, message and hint of a cause, without the names of its planner and its node.
+
+    The hint is at the end, which a small screen may cut off.
+    """
     hint = f" -> {cause.advice}" if cause.advice else ""
     node = cause.node.rpartition("/")[2]
     words = cause.message.removeprefix(f"{MotionError.heading}: ").removeprefix(f"{node}: ")

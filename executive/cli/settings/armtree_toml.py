@@ -1,4 +1,4 @@
-"""Reads the settings in files: the nearest `armtree.toml`, and the user's own.
+"""Reads files of settings: the nearest `armtree.toml`, and the file in the user's folder.
 
 Also finds misspelt environment variables.
 """
@@ -19,17 +19,17 @@ from .rows import SETTINGS, environment_name
 
 FILE = "armtree.toml"
 _PREFIX = environment_name("")
-_NO_SETTINGS = ("token", "fleet_ca", "fleet_nkey", "fleet_token")  # further variables
+_NO_SETTINGS = ("token", "fleet_ca", "fleet_nkey", "fleet_token")  # variables without a setting
 _NEAR = 0.7  # smallest similarity to suggest a variable
 
 
 @dataclass(frozen=True, slots=True)
 class Configured:
-    """A value in a file.
+    """The value of a setting in a file.
 
     Attributes:
         value: The value.
-        place: The file and the line.
+        place: File and line of the value, as FILE:LINE.
     """
 
     value: Any
@@ -37,13 +37,13 @@ class Configured:
 
 
 def configured(ctx: click.Context) -> Mapping[str, Configured]:
-    """Return the values of the files, by name of the setting. The files are read once.
+    """Return the values in the files of settings, by name of the setting. Reads the files once.
 
     Raises:
         BadConfiguration: A file is wrong.
     """
     found, wrong = read_files(ctx)
-    if wrong and not ctx.resilient_parsing:  # a shell completes the command line
+    if wrong and not ctx.resilient_parsing:  # completion in a shell ignores them
         from executive.errors import BadConfiguration  # slow to import
 
         raise BadConfiguration("\n".join(wrong))
@@ -51,9 +51,9 @@ def configured(ctx: click.Context) -> Mapping[str, Configured]:
 
 
 def read_files(ctx: click.Context) -> tuple[Mapping[str, Configured], Sequence[str]]:
-    """Return the values of the files by name of the setting, and the mistakes in the files.
+    """Return the values in the files of settings, by name of the setting, and their mistakes.
 
-    The first call also prints a note for each unknown environment variable that resembles one.
+    The first call also prints a note for each unknown variable that resembles one of a setting.
     """
     if __name__ not in ctx.meta:
         _note_misspelt()
@@ -83,12 +83,12 @@ def files() -> list[Path]:
 
 
 def user_file() -> Path:
-    """Return the path of the user's own file."""
+    """Return the path of the file of settings in the user's folder. The file may be missing."""
     return user_folder() / FILE
 
 
 def _upwards() -> Iterator[Path]:
-    """Yield the nearest file in the working directory or above it."""
+    """Yield the nearest file in the working directory or a folder above it, if there is one."""
     try:
         here = Path.cwd()
     except OSError:  # the working directory was deleted
@@ -116,7 +116,7 @@ def _read(path: Path) -> tuple[dict[str, Configured], list[str]]:
                 there = there_are(name, SETTINGS)
                 there += "" if there.endswith("?") else "; `armtree config` lists them"
                 if table.is_table(name):
-                    there = f"there are no tables: write its settings at the top, without [{name}]"
+                    there = f"this file has no tables: write its keys at the top, without [{name}]"
                 table.fail(name, f"unknown key; {there}")
             value = SETTINGS[name].read(table, name, path.parent)
             values[name] = Configured(value, f"{path}:{table.line(name)}")
@@ -126,9 +126,10 @@ def _read(path: Path) -> tuple[dict[str, Configured], list[str]]:
 
 
 def _check_owner(path: Path) -> None:
-    """Reject a file of another user, who may have put it into a shared folder above this one.
+    """Raise DescriptionError if a file is not of this user, the owner of its folder, or root.
 
-    Skills that it names would run as this user.
+    Another user may have put the file into a shared folder. Skills that it names would run as this
+    user.
     """
     from hardware import DescriptionError
 

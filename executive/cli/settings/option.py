@@ -19,16 +19,16 @@ SETTINGS_SECTION = "Settings, also in armtree.toml, or ARMTREE_SEED and so on"
 
 
 class SettingOption(click.Option):
-    """The option of a setting. Without it and its environment variable, the files decide."""
+    """The option of a setting. Its value may also be in an environment variable or a file."""
 
     section = SETTINGS_SECTION
 
     def get_help_extra(self, ctx: click.Context) -> Any:
-        """Return the default, which follows the help text. Errors name the range."""
+        """Return the default, for the end of the help text, without the range of the value."""
         return {"default": extra} if (extra := super().get_help_extra(ctx).get("default")) else {}
 
     def get_error_hint(self, ctx: click.Context | None) -> str:
-        """Return the place of the value, for an error: its option, variable or file."""
+        """Return the source of the value, for an error: its option, variable, or file and line."""
         source = ctx.get_parameter_source(self.name) if ctx and self.name else None
         if source is ParameterSource.ENVIRONMENT:
             return str(self.envvar)
@@ -45,7 +45,7 @@ class SettingOption(click.Option):
     def consume_value(
         self, ctx: click.Context, opts: Mapping[str, Any]
     ) -> tuple[Any, ParameterSource]:
-        """Return the value and its source."""
+        """Return the value before its conversion, and its source."""
         value, source = super().consume_value(ctx, opts)
         if source in (ParameterSource.COMMANDLINE, ParameterSource.ENVIRONMENT):
             return value, source
@@ -74,7 +74,7 @@ def _arguments(name: str) -> dict[str, Any]:
     return {
         "type": row.type,
         "envvar": environment_name(name),
-        "show_envvar": True,  # name in errors
+        "show_envvar": True,  # errors name the variable
         "help": row.help,
         "metavar": row.metavar,
         "default": row.default,
@@ -83,14 +83,16 @@ def _arguments(name: str) -> dict[str, Any]:
 
 
 def given_options(context: click.Context, *names: str) -> Iterator[str]:
-    """Yield the options on the command line, with their values."""
+    """Yield each of the named options that is on the command line, and after it its value."""
     for name in names:
         if context.get_parameter_source(name) is ParameterSource.COMMANDLINE:
             yield from (f"--{name}", str(context.params[name]))
 
 
 def find_setting(ctx: click.Context, name: str) -> tuple[Any, str]:
-    """Return the value of a setting if its option is not given, and the source of the value.
+    """Return the value of a setting without its option, and the source of the value.
+
+    The source is an environment variable, a file and line, or "" for the default.
 
     Raises:
         UsageError: The value of the environment is wrong.

@@ -22,10 +22,10 @@ class Setting:
     """A setting.
 
     Attributes:
-        type: Type of its value.
-        help: Meaning, for `--help`.
-        default: Default, or a function that returns it; None for no default.
-        metavar: Word for its value in `--help`; None for the name of its type.
+        type: Type of the value.
+        help: Meaning of the setting, for `--help`.
+        default: Default value, or a function that returns it; None for no default.
+        metavar: Word for the value in `--help`; None for the name of the type.
     """
 
     type: "click.ParamType[Any]"
@@ -107,7 +107,7 @@ SETTINGS = {
         type=Finite(-1),
         default=Setup.result_timeout,
         metavar="SECONDS",
-        help="How long a result is kept [s]; -1 to keep it until there are 1000 newer ones.",
+        help="How long a result is kept [s]; -1 to keep it until there are 1000 newer results.",
     ),
     "seed": Setting(metavar="N", type=Whole(1), default=Setup.seed, help="Seed of the planner."),
     "workers": Setting(
@@ -121,11 +121,13 @@ SETTINGS = {
         "After that time the motion ends with log.behind. While a frame waits, the arm stands "
         "still in the middle of its motion; a shorter time ends more motions on a slow disk.",
     ),
-    "keep_days": Setting(metavar="DAYS", type=AT_LEAST_0, help="Delete recordings that are older."),
+    "keep_days": Setting(
+        metavar="DAYS", type=AT_LEAST_0, help="Delete recordings older than this [days]."
+    ),
     "keep_mb": Setting(
         metavar="MB",
         type=AT_LEAST_0,
-        help="Delete the oldest recordings if all of them together are larger.",
+        help="Delete the oldest recordings, so that all have at most this size together [MB].",
     ),
 }
 

@@ -32,7 +32,7 @@ class Finite(click.FloatRange):
         return number
 
     def _instead(self, share: float) -> str:
-        """Return a question for a share that may have been given in %."""
+        """Return "did you mean 0.5?" or the like if the number may be a share in %, else ""."""
         possible = self.max == 1.0 and math.isfinite(share) and not _outside(self, share)
         return did_you_mean(f"{share:g}") if possible else ""
 

@@ -15,14 +15,14 @@ from hardware.spelling import did_you_mean, suggestion
 
 _OWN, _COMMON = "Options", "Options of every command"
 _SECTIONS = (_OWN, SETTINGS_SECTION, _COMMON)
-# Names of commands in other programs, and what they may be here.
+# Names of commands in other programs, and the commands of armtree that they may mean.
 _OTHER_NAMES = {
     **dict.fromkeys(("delete", "remove", "del"), ("rm",)),
     **dict.fromkeys(("list", "dir"), ("ls", "tasks")),
     **dict.fromkeys(("goto", "go", "moveto"), ("move",)),
     **dict.fromkeys(("start", "exec", "execute"), ("run",)),
 }
-# Environment variable of a shell's request for completions.
+# Environment variable that a shell sets to request completions.
 COMPLETION_VARIABLE = "_ARMTREE_COMPLETE"
 
 
@@ -40,7 +40,7 @@ class Diagnostics:
 
 
 def diagnostics() -> Diagnostics:
-    """Return the additional output of the current command."""
+    """Return the `Diagnostics` of the current command."""
     return click.get_current_context().ensure_object(Diagnostics)
 
 
@@ -98,8 +98,8 @@ class CommandGroup(click.Group):
 
     Args:
         sections: Commands by the title of their section in the help: the module and function of
-            each, such as `new_arm.new_arm`, separated by spaces. They are imported when they are
-            needed. Without sections, commands are added by the decorator `command`.
+            each, such as `new_arm.new_arm`, separated by spaces. A module is imported when its
+            command is needed. None if the decorator `command` adds the commands.
         package: Package of these modules.
     """
 
@@ -143,7 +143,10 @@ class CommandGroup(click.Group):
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Return the command of a name. An unknown name is an error that suggests a similar one."""
+        """Return a command: its name, the command, and its arguments.
+
+        For an unknown name, raise a usage error that suggests a similar name.
+        """
         try:
             return super().resolve_command(ctx, args)
         except click.UsageError as error:
@@ -162,7 +165,7 @@ class CommandGroup(click.Group):
         return self._places or {"Commands": self.commands}
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Write the commands of each section, each with its whole first sentence."""
+        """Write the commands of each section, each with the first sentence of its help."""
         width = max(map(len, self.list_commands(ctx)))
         for title, names in self._sections().items():
             commands = filter(None, (self.get_command(ctx, name) for name in names))
@@ -175,5 +178,5 @@ class CommandGroup(click.Group):
 
 
 def _name(place: str) -> str:
-    """Return the name of a command from the place of its function."""
+    """Return the name of a command from its module and function, such as `move.home`."""
     return place.partition(".")[2].rstrip("_").replace("_", "-")

@@ -1,4 +1,4 @@
-"""Errors on the terminal. The exit status of each is the `exit_status` of its class."""
+"""Prints errors on the terminal. The exit status of an error is the `exit_status` of its class."""
 
 import errno
 import json
@@ -26,14 +26,14 @@ _NEAR = 0.71  # smallest similarity to suggest an option
 class Refusal(click.ClickException):
     """A correct command that cannot be executed in this situation."""
 
-    exit_code = 2  # the exit status of `UsageError`, as the program prints it
+    exit_code = 2  # the exit status of `UsageError`, whose code is printed
 
 
 def print_error(error: Exception) -> int:
     """Print an error with its code and hint to standard error. Return the exit status.
 
-    If the command line has --json, also print it to standard output, as the definition `error` of
-    `docs/output.schema.json` describes it.
+    If the command line has --json, also print the error as JSON to standard output. The definition
+    `error` of `docs/output.schema.json` describes the JSON object.
     """
     from executive.api.outcome import cause_of
     from executive.errors import FileUnusable, UsageError
@@ -50,14 +50,14 @@ def print_error(error: Exception) -> int:
     if limit := host_limit(error):
         known = limit
     elif isinstance(error, FileNotFoundError) and not error.filename:  # raised by os.getcwd()
-        known = FileUnusable("the working folder was deleted; change to another one")
+        known = FileUnusable("the working folder was deleted; change to another folder")
     elif isinstance(error, OSError) and error.errno == errno.ENOSPC:
         file = f"{error.filename}: " if error.filename else ""
-        known = FileUnusable(f"{file}the disk is full; make room, then try again")
+        known = FileUnusable(f"{file}the disk is full; delete files, then try again")
     elif isinstance(error, OSError) and error.filename:
         known = FileUnusable(f"{error.filename}: {error.strerror}; check the path")
     elif not isinstance(error, ArmtreeError):
-        known = InternalError(f"{error!r}; --debug shows where")
+        known = InternalError(f"{error!r}; --debug prints the traceback")
     cause = cause_of(known)
     words = cause.message if isinstance(known, InternalError) else str(known)
     hint = vars(error).get("hint")  # an error that a server returned
@@ -68,7 +68,7 @@ def print_error(error: Exception) -> int:
 
 
 def _usage_words(error: click.ClickException) -> str:
-    """Return the message of a wrong command line, with the command that shows the right one."""
+    """Return the message for a wrong command line, with its right form or the command for help."""
     words = error.format_message().replace("\n\t", " ").rstrip(".")
     if isinstance(error, click.NoSuchOption):
         words = error.message.rstrip(".") + _instead_of(error)
@@ -139,7 +139,7 @@ def for_each(recordings: Iterable[Path], act: Callable[[Path], int]) -> int:
 
 
 def print_incomplete(*recordings: Path) -> int:
-    """Print the recordings without the end of their run. Return the exit status.
+    """Print an error for each recording without the end of its run. Return the exit status.
 
     Raises:
         RecordingError: A recording cannot be read.

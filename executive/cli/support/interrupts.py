@@ -1,4 +1,4 @@
-"""Handles signals during a run, also that of `armtree stop`."""
+"""Handles signals during a run, also the signal of `armtree stop`."""
 
 import os
 import signal
@@ -21,7 +21,8 @@ _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 STOP = signal.SIGUSR1  # sent by `armtree stop`; cancels the run, and never ends the process
 CANCELING = "Canceling: the arm stops. Another Ctrl-C ends this command at once."
 _END = 0  # not the number of a signal
-# GNU `timeout` and some shells send two signals at once, a person does not [s].
+# Smallest time from the first signal to the second one [s]. GNU `timeout` and some shells send two
+# signals at once; a person does not.
 _AGAIN = 0.5
 _LAST_WORDS = (
     "Ended at once: no result is printed, and the board may still execute two frames. The next run "
@@ -30,19 +31,19 @@ _LAST_WORDS = (
 
 
 class Interrupts:
-    r"""The first signal cancels the run. The second one, or Ctrl-\, ends the process.
+    r"""A context in which the first signal cancels the run, and a second one ends the process.
 
-    Before `on_cancel`, the first signal raises KeyboardInterrupt in the main thread, because the
-    thread may read thousands of files then. After another signal than Ctrl-C, the context raises
-    SystemExit with the exit status of that signal.
+    Ctrl-\ also ends the process. Before `on_cancel`, the first signal raises KeyboardInterrupt in
+    the main thread, because this thread may then read thousands of files. If this signal was not
+    Ctrl-C, the context raises SystemExit with the exit status of the signal.
 
     A signal counts as the second one if it comes at least `_AGAIN` seconds after the first, also
-    after the context. A hang-up never does: the kernel and the shell of a closed terminal each send
-    one. Ctrl-Z suspends the process. `STOP` cancels a run that is not canceled yet. It does not
-    count as the first signal.
+    after the context. A hang-up never counts as the second one: the kernel and the shell of a
+    closed terminal each send a hang-up. Ctrl-Z suspends the process. `STOP` cancels a run that is
+    not canceled yet. It does not count as the first signal.
 
-    One thread reads the signals from a pipe, and another one cancels. Therefore the second signal
-    works even if the cancel or the main thread does not return.
+    One thread reads the signals from a pipe, and another thread cancels. Therefore the second
+    signal works even if the cancel or the main thread does not return.
 
     Args:
         last: Text to print at the second signal.
@@ -54,7 +55,7 @@ class Interrupts:
         self._cancel: Callable[[], None] | None = None
         self._canceled = self._raised = False
         self._status = INTERRUPTED_EXIT  # exit status after KeyboardInterrupt
-        self._signaled: float | None = None  # time of the first signal [s]; a STOP is none
+        self._signaled: float | None = None  # time of the first signal [s], ignoring STOP
         self._lock, self._ended = threading.Lock(), threading.Event()
 
     def __enter__(self) -> Self:
@@ -66,7 +67,7 @@ class Interrupts:
             for number in (*_SIGNALS, signal.SIGQUIT, STOP)
             if not _hangup_ignored(number)
         }
-        self._handlers[STOP] = signal.SIG_IGN  # one that comes late must not kill the process
+        self._handlers[STOP] = signal.SIG_IGN  # a late STOP must not kill the process
         self._handlers[signal.SIGTSTP] = signal.signal(signal.SIGTSTP, suspend)
         self._thread = self._clock.spawn(self._handle_signals, "signals")
         return self
@@ -85,7 +86,7 @@ class Interrupts:
             sys.exit(self._status)
 
     def on_cancel(self, cancel: Callable[[], None]) -> None:
-        """Call a function on another thread at the first signal, even if it has arrived."""
+        """Call a function on another thread at the first signal, even if it arrived before."""
         with self._lock:
             self._cancel = cancel
             if self._canceled:
@@ -146,7 +147,7 @@ def _do_nothing(number: int, frame: FrameType | None) -> None:
 
 
 def signal_status(number: int) -> int:
-    r"""Return the exit status of a command that a signal ends; Ctrl-\ has that of Ctrl-C."""
+    r"""Return the exit status of a command that a signal ends. Ctrl-\ has the status of Ctrl-C."""
     return INTERRUPTED_EXIT if number == signal.SIGQUIT else 128 + number
 
 

@@ -1,4 +1,4 @@
-"""The log of the program, as records."""
+"""Records the log of the program."""
 
 import logging
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ from executive.executive import Executive
 
 @contextmanager
 def recorded_log(executive: Executive) -> Iterator[None]:
-    """Record every line of the log."""
+    """Record every line of the log during this context."""
     handler = LogHandler(executive)
     logging.getLogger().addHandler(handler)
     try:
@@ -20,10 +20,10 @@ def recorded_log(executive: Executive) -> Iterator[None]:
 
 
 class LogHandler(logging.Handler):
-    """Passes lines of the log on as records.
+    """Gives each line of the log to an executive, as a record.
 
     Args:
-        executive: Receives the records.
+        executive: Executive that receives the records.
     """
 
     def __init__(self, executive: Executive) -> None:

@@ -25,10 +25,12 @@ Complete = Callable[[click.Context, click.Parameter, str], list[CompletionItem]]
 def completing(names: Callable[[click.Context, str], Iterable[tuple[str, str]]]) -> Complete:
     """Return a function that completes a word.
 
-    After an error there are no completions, because a shell would print the error into the line.
+    After an error, the function returns no completions: a shell would print the error into the
+    line that the user edits.
 
     Args:
-        names: Callback that returns the names with descriptions, for a context and a word so far.
+        names: Callback that gets a context and the typed part of a word. It returns possible names
+            with their descriptions.
     """
 
     @wraps(names)
@@ -75,7 +77,7 @@ def first_motion(robot: "Robot") -> list[str]:
 
 
 def _chosen(context: click.Context) -> "tuple[Robot, Library]":
-    """Return the library for the options before the word, or for the settings."""
+    """Return the robot and the library of --robot and --trees before the word, or of settings."""
     trees, robot = (
         context.params.get(name) or find_setting(context, name)[0] for name in ("trees", "robot")
     )
@@ -102,7 +104,7 @@ def complete_pose(context: click.Context, _word: str) -> Iterable[tuple[str, str
 
 
 def _target_words(robot: "Robot", library: "Library") -> Iterator[tuple[str, str]]:
-    """Return the poses, and the beginnings of words that move a joint, the gripper or the tool."""
+    """Yield the poses, `JOINT=` for each joint, and `width=`, each with a description."""
     from hardware.description.gripper import WIDTH
 
     yield from ((name, "pose") for name in _pose_names(library))
@@ -113,7 +115,7 @@ def _target_words(robot: "Robot", library: "Library") -> Iterator[tuple[str, str
 
 @completing
 def complete_target(context: click.Context, _word: str) -> Iterator[tuple[str, str]]:
-    """Complete a word of a target: the name of a pose, or `JOINT=`."""
+    """Complete a word of a target: the name of a pose, `JOINT=` or `width=`."""
     yield from _target_words(*_chosen(context))
 
 
@@ -150,7 +152,10 @@ def complete_node(context: click.Context, word: str) -> Iterator[tuple[str, str]
 
 
 def recordings_folder(context: click.Context) -> Path:
-    """Return the folder of the setting, or else the working directory if it has recordings."""
+    """Return the folder of the setting `recordings`.
+
+    If it does not exist, return the working directory if that has recordings.
+    """
     folder: Path = find_setting(context, "recordings")[0]
     here = Path()
     return here if not folder.is_dir() and any(here.glob("*.mcap")) else folder
@@ -195,7 +200,7 @@ def _shipped_robots(_context: click.Context, _word: str) -> Iterator[tuple[str, 
 
 
 def _task_of_file(path: Path) -> str:
-    """Return what to write instead of the file of a task."""
+    """Return a message with the words to write instead of the path of a task's file."""
     from hardware import shipped_robots
 
     words = [path.stem.partition("_")[2] or path.stem]
@@ -206,7 +211,7 @@ def _task_of_file(path: Path) -> str:
 
 
 class TaskName(click.ParamType):  # type: ignore[type-arg]  # generic since click 8.4
-    """The number of a task, or its name. It need not exist."""
+    """The number or the name of a task. The task need not exist."""
 
     name = "task"
 
@@ -218,7 +223,7 @@ class TaskName(click.ParamType):  # type: ignore[type-arg]  # generic since clic
 
         text = str(value)
         if text.partition(":")[0] == LATEST or text.endswith(".mcap"):
-            self.fail(f"{text} is a recording: `armtree replay {text}` plays it", param, ctx)
+            self.fail(f"{text} is a recording: type armtree replay {text} --watch", param, ctx)
         if text.isdecimal() and len(text) < 20 and int(text) <= _LARGEST:
             return int(text)
         if "=" in text:

@@ -1,4 +1,4 @@
-"""Options of several commands."""
+"""Options that several commands share."""
 
 import os
 import re
@@ -31,11 +31,11 @@ class Drawing(click.Path):
         path = Path(value)
         if path.suffix and path.suffix.lower()[1:] not in self.FORMATS:
             there = ", ".join(f".{each}" for each in self.FORMATS)
-            self.fail(f"{path}: a drawing is one of {there}", param, ctx)
+            self.fail(f"{path}: the name of a drawing ends with one of {there}", param, ctx)
         if path.is_dir():
             self.fail(f"{path} is a folder; name a file in it, such as plan.png", param, ctx)
         if not path.parent.is_dir():
-            why = f"{path}: there is no folder {path.parent}; create it, or give another"
+            why = f"{path}: there is no folder {path.parent}; create it, or give another file"
             self.fail(why, param, ctx)
         if not os.access(path if path.exists() else path.parent, os.W_OK):
             self.fail(f"{path} cannot be written to; give another file", param, ctx)
@@ -46,7 +46,7 @@ def drawing_option(meaning: str = "", **settings: Any) -> Callable[[F], F]:
     """Return a decorator that adds the option for the file of a drawing.
 
     Args:
-        meaning: Sentence on its default, for the help.
+        meaning: Sentence about the default, for the help; empty for none.
         settings: Further arguments of the option.
     """
     text = f"Drawing to write: PNG, SVG or PDF. {meaning}".rstrip()
@@ -110,7 +110,9 @@ def _words_of_goal(
 
 
 def target_argument(name: str, complete: Complete) -> Callable[[F], F]:
-    """Return a decorator that adds the words of a target. A negative number is not an option.
+    """Return a decorator that adds an argument for the words of a target.
+
+    A word such as `-10` is read as a number, not as an option.
 
     Args:
         name: Name of the parameter.

@@ -1,7 +1,7 @@
-"""The arms that this user moves on this machine: of servers, and of commands such as `armtree run`.
+"""Finds the arms of this user on this machine: of servers, and of commands such as `armtree run`.
 
-Each of these commands has a file in the runtime folder and locks it. The kernel releases the lock
-when the process ends. Therefore the process id in the name of a locked file is valid.
+Each of these commands has a file in the runtime folder, and locks this file. The kernel releases
+the lock when the process ends. Therefore the process id in the name of a locked file is valid.
 """
 
 import fcntl
@@ -27,11 +27,11 @@ from .interrupts import STOP
 
 @dataclass(frozen=True, slots=True)
 class OwnRun:
-    """A command that moves an arm of its own.
+    """A running command that moves an arm without a server.
 
     Attributes:
-        pid: Its process id.
-        command: Its name, such as `armtree run`.
+        pid: Process id of the command.
+        command: Name of the command, such as `armtree run`.
         process: File descriptor of the process. It stays valid if the process id is used again.
     """
 
@@ -40,7 +40,7 @@ class OwnRun:
     process: int
 
     def stop(self) -> None:
-        """Request the command to stop its arm and end."""
+        """Send the command a signal to stop its arm and end."""
         with suppress(ProcessLookupError):  # it has just ended
             signal.pidfd_send_signal(self.process, STOP)
 
@@ -48,7 +48,7 @@ class OwnRun:
         """Wait until the process has ended, at most until a monotonic time [s].
 
         Returns:
-            True if it has ended.
+            True if the process has ended.
         """
         left = max(deadline - time.monotonic(), 0.0)
         return bool(select.select([self.process], [], [], left)[0])
@@ -56,7 +56,9 @@ class OwnRun:
 
 @contextmanager
 def stoppable(report: Callable[[str], None]) -> Iterator[None]:
-    """Let `armtree stop` find the current command during this context, inside of `Interrupts`.
+    """Let `armtree stop` find the current command during this context.
+
+    This context must be inside an `Interrupts` context, which handles the signal of the stop.
 
     Args:
         report: Callback for a message if `armtree stop` cannot find the command.
@@ -64,7 +66,7 @@ def stoppable(report: Callable[[str], None]) -> Iterator[None]:
     with ExitStack() as stack:
         try:
             path = token_file.make_folder() / f"run-{os.getpid()}.lock"
-            new = path.with_suffix(".new")  # gets its name when it is locked
+            new = path.with_suffix(".new")  # renamed when it is locked
             stream = stack.enter_context(new.open("w"))
             stack.callback(new.unlink, missing_ok=True)
             fcntl.lockf(stream, fcntl.LOCK_EX)
@@ -79,7 +81,7 @@ def stoppable(report: Callable[[str], None]) -> Iterator[None]:
 
 @contextmanager
 def own_runs() -> Iterator[list[OwnRun]]:
-    """Yield the commands of this user on this machine that move an arm of their own.
+    """Yield the running commands of this user on this machine that move an arm without a server.
 
     Raises:
         OSError: The system does not let this process watch a command.
@@ -93,7 +95,7 @@ def own_runs() -> Iterator[list[OwnRun]]:
 
 
 def _find(file: Path, stack: ExitStack) -> OwnRun | None:
-    """Return the command of a file, or None if the command has ended."""
+    """Return the command of a lock file, or None if the command has ended."""
     pid = file.stem.removeprefix("run-")
     if not pid.isdecimal():
         return None
@@ -111,7 +113,7 @@ def _find(file: Path, stack: ExitStack) -> OwnRun | None:
 
 
 def _locked(stream: TextIO) -> bool:
-    """Return True if a command holds the lock of its file. Locks of this function do not count."""
+    """Return True if a command holds the lock of its file. Shared locks, as here, do not count."""
     try:
         fcntl.lockf(stream, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except (BlockingIOError, PermissionError):  # lockf(3) raises one or the other
@@ -122,7 +124,7 @@ def _locked(stream: TextIO) -> bool:
 def running_server() -> str | None:
     """Return the URL of the only running server of this user, or None if none runs.
 
-    If several run, it is the one at the TCP port that the user has set.
+    If several servers run, return the URL of the server at the TCP port that the user has set.
 
     Raises:
         Refusal: Several servers run, and none is at that port.
@@ -144,9 +146,9 @@ def server_at_port() -> str:
 
 
 def local_server() -> str:
-    """Return the URL of the running server of this user, else of a server at the set port.
+    """Return the URL of the running server of this user, else of a server at the set TCP port.
 
     Raises:
-        Refusal: Several servers run.
+        Refusal: Several servers run, and none is at that port.
     """
     return running_server() or server_at_port()

@@ -1,4 +1,4 @@
-"""This process: its priority, and its end."""
+"""This process: its priority, its end, and calls that it does not allow."""
 
 import atexit
 import gc
@@ -12,33 +12,33 @@ from pathlib import Path
 from typing import Any
 
 NICE = -10  # niceness that the process requests
-# Longest time that a busy thread keeps the interpreter from the streamer and from a stop [s].
+# Longest time that a busy thread runs before the streamer or a stop gets the interpreter [s].
 _SWITCH = 0.0005
 # File with the niceness of the session, if Linux schedules by sessions.
 _GROUP = Path("/proc/self/autogroup")
 
 end_process = os._exit  # ends the process at once, from any thread
-replace_process = os.execve  # puts another program in its place
+replace_process = os.execve  # replaces this process with another program
 _OWN = os.getpid()
 _END = "would end armtree without a result; raise an exception"
-_LEAVE = "would take armtree away from its files; give whole paths instead"
+_LEAVE = "would change the folder of armtree's relative paths; use absolute paths instead"
 _FORBIDDEN = {"_exit": _END, "execv": _END, "execve": _END, "chdir": _LEAVE, "fchdir": _LEAVE}
 
 
 @atexit.register  # the command line imports this file first, so Python calls this function last
 def _ignore_signals() -> None:
-    """Ignore signals: Python removes its handlers next, and a signal would change the status."""
+    """Ignore signals: when Python has removed its handlers, a signal would change the status."""
     for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, signal.SIG_IGN)
 
 
 @contextmanager
 def protected_process() -> Iterator[None]:
-    """Make functions raise SystemExit that end this process, or change its working folder.
+    """Make functions raise SystemExit instead of ending this process or changing its folder.
 
     A skill that ends this process leaves its goal without a result, and the exit status can be 0.
-    One that changes the folder takes the recording away. Forked processes can still do both, and
-    so can C code.
+    A skill that changes the working folder makes relative paths wrong, such as that of the
+    recordings. Forked processes and C code can still do both.
     """
     calls = {name: getattr(os, name) for name in _FORBIDDEN}
     for name, call in calls.items():
@@ -67,7 +67,7 @@ def _refusing(name: str, call: Callable[..., Any], why: str) -> Callable[..., An
 def make_punctual() -> None:
     """Make frames and stops of this process punctual on a busy computer.
 
-    The garbage collector then ignores the loaded modules: a collection of them would delay the
+    The garbage collector then ignores the loaded modules: to collect them would delay the
     streamer by 30 ms. Python switches between threads more often. The process gets a higher
     priority, if the operating system allows it, for example for root. A niceness that the user
     chose remains. Call this function before threads start, because they inherit the priority.

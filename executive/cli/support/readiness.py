@@ -1,4 +1,4 @@
-"""Checks of everything that a run needs. They move nothing."""
+"""Checks of everything that a run needs. Only a check that opens the port may move the arm."""
 
 import tempfile
 from collections.abc import Iterator
@@ -41,7 +41,7 @@ def check_readiness(
     """Yield the result of each check.
 
     Args:
-        robot_file: Robot file; None for the shipped robot.
+        robot_file: Robot file; None for the default robot.
         port: Serial port; None for the port of the robot file.
         trees: Folder with further tasks, or None.
         recordings: Folder for recordings.
@@ -58,7 +58,7 @@ def check_readiness(
         yield _pose(robot, port)
         yield _boot_wait(robot)
     else:
-        yield Check("driver", None, "none is named, so the arm moves on the port virtual only")
+        yield Check("driver", None, "no driver is named: the arm moves only on the port virtual")
     yield _tasks(trees, robot)
     yield _planner(robot)
     for why in shape_warnings(robot):
@@ -99,7 +99,7 @@ def _tasks(trees: Path | None, robot: Robot) -> Check:
     except TreeError as error:
         return Check("tasks", False, str(error), "correct that file", error.code)
     there = ", ".join(map(str, library.numbers()))
-    return Check("tasks", True, f"{there} can be read" if there else f"none is for {robot.name}")
+    return Check("tasks", True, f"{there} can be read" if there else f"no task for {robot.name}")
 
 
 def _planner(robot: Robot) -> Check:
@@ -111,7 +111,7 @@ def _planner(robot: Robot) -> Check:
         return Check("planner", False, why, remedy, answer.code)
     if isinstance(answer, MotionError):
         return Check("planner", False, str(answer), code=answer.code)
-    free = f"a worker has loaded the robot; the {pose} is free of collisions"
+    free = f"a planner process has loaded the robot; the {pose} is free of collisions"
     return Check("planner", True, free)
 
 
@@ -163,7 +163,7 @@ def _port(robot: Robot, port: str, opens_port: bool) -> Iterator[Check]:
         yield Check("port", False, str(NoDriver(robot.path, port)), code=NoDriver.code)
         return
     elif not robot.can(Ability.IDENTIFY) and not isinstance(robot.link(port), SerialLink):
-        yield Check("port", True, f"{port}: the driver checks it on opening")
+        yield Check("port", True, f"{port}: the driver checks the port when it opens it")
     else:
         checks = check_port(port)
         yield from checks
@@ -195,8 +195,8 @@ def _open(robot: Robot, port: str) -> Check:
     except HardwareError as error:
         return Check("board", False, f"{error}; {_heard(heard)}", code=error.code)
     if not robot.firmware.reports_pose:
-        silent = f"{robot.firmware.name} never answers, so it is unknown whether a board is there"
-        known = f"assumed: {positions}" if _resets(robot, port) else "known only to a person"
+        silent = f"{robot.firmware.name} never answers, so a board may be missing"
+        known = f"assumed: {positions}" if _resets(robot, port) else "unknown: a run needs --pose"
         return Check("board", None, f"opened; {_heard(heard)}; {silent}; the pose is {known}")
     return Check("board", True, f"booted; {_heard(heard)}; commanded to {positions}")
 
@@ -204,4 +204,4 @@ def _open(robot: Robot, port: str) -> Check:
 def _heard(pieces: list[bytes]) -> str:
     """Return the first 60 characters that a board has sent, for people."""
     text = " ".join(wire_text(b"".join(pieces)).split())
-    return f"heard {shorten(text, 60, placeholder=' ...')}" if text else "heard nothing"
+    return f"received {shorten(text, 60, placeholder=' ...')}" if text else "received nothing"

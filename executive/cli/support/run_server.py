@@ -1,4 +1,4 @@
-"""`armtree serve` and `armtree view RECORDING`: a server, until a signal comes."""
+"""Runs the servers of `armtree serve` and `armtree view RECORDING`, until a signal arrives."""
 
 import gc
 import logging
@@ -40,7 +40,7 @@ def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) 
         HardwareError: The robot file is wrong or names no driver, or the start pose is unconfirmed.
         TreeError: The folder of tasks cannot be read.
         ServerError: The server cannot listen as configured.
-        LogError: A recording cannot be made, or could not be finished.
+        LogError: A recording cannot be created or completed.
     """
     make_punctual()
     clock = RealClock()
@@ -51,8 +51,8 @@ def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) 
         executive = stack.enter_context(open_executive(setup, clock=clock, operator=questions))
         server = stack.enter_context(Server(executive, listen, questions))
         logger.info("Token for requests that change something: %s", server.token)
-        logger.info("The page, to open once: %s", server.sign_in.link())
-        with recorded_log(executive):  # everything except the token and the link
+        logger.info("Link to the page, which works once: %s", server.sign_in.link())
+        with recorded_log(executive):  # from here on, so that no recording has the token or link
             logger.info("%s", port_line(executive))
             executive.start()
             stops = executive.status().stops
@@ -68,7 +68,7 @@ def serve(setup: Setup, listen: ListenOptions, fleet: FleetPlace | None = None) 
 
 
 def view_recordings(path: Path, show: Callable[[str], None]) -> None:
-    """Serve the page until a signal comes.
+    """Serve a page that shows recordings, until a signal arrives.
 
     Args:
         path: A recording, or a folder of recordings.
@@ -98,8 +98,8 @@ def prepare(executive: Executive, stops: int) -> None:
     """Configure the arm, and activate it if the set-up demands it. Errors are logged.
 
     Args:
-        executive: It owns the arm.
-        stops: Number of stops so far. After another one, the arm is not activated.
+        executive: Executive that owns the arm.
+        stops: Number of stops so far. After another stop, the arm is not activated.
     """
     try:
         executive.arm_to("configure")
@@ -115,7 +115,7 @@ def prepare(executive: Executive, stops: int) -> None:
 def _announce(server: Server, executive: Executive, listen: ListenOptions) -> None:
     elsewhere = "" if server.port == PORT else f"; clients need --server {server.url}"
     logger.info(
-        "Listening on %s; a second goal is handled by: %s%s",
+        "Listening on %s; policy for a second goal: %s%s",
         server.url,
         executive.setup.policy.value,
         elsewhere,

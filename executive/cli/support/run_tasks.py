@@ -1,4 +1,4 @@
-"""Runs tasks for `armtree run` and `armtree replay --on`, on their own executive."""
+"""Runs tasks and moves for commands such as `armtree run`, on an executive of the command."""
 
 import logging
 import shlex
@@ -64,7 +64,7 @@ def execute(
     make_punctual()
     with Interrupts() as interrupts, view_for(as_json, verbose) as view, ExitStack() as stack:
         stack.enter_context(stoppable(view.put))
-        start = list[str]()  # lines that the first accepted goal prints
+        start = list[str]()  # lines to print when the first goal is accepted
         try:
             arguments = read_arguments(settings, [number_of(task) for task in tasks])
             executive = stack.enter_context(
@@ -136,7 +136,7 @@ def _report(view: View, executive: Executive, settings: Sequence[str], outcome: 
 
 
 def without_server(outcome: Outcome, again: str = "run again") -> Outcome:
-    """Return an outcome with `again` in its hint instead of the request to activate the arm."""
+    """Return an outcome with `again` in its hint, instead of the advice to activate the arm."""
     if not (cause := outcome.cause):
         return outcome
     hint = cause.hint.replace(ACTIVATE_AGAIN, again)
@@ -146,7 +146,7 @@ def without_server(outcome: Outcome, again: str = "run again") -> Outcome:
 def _held_by(
     server: token_file.ServerInfo, executive: Executive, task: int, settings: Sequence[str]
 ) -> str:
-    """Return a hint that a server holds the arm, with the command to send it the task.
+    """Return a hint that a server holds the arm, with the command that sends it the task.
 
     Returns:
         The message; empty if the server does not answer, or holds another robot.
@@ -164,7 +164,7 @@ def _held_by(
     except ClientError:
         return ""
     if (task, name) not in there:
-        way = f"end it, or serve this task: {server.url}"
+        way = f"end it, or make it serve this task: {server.url}"
         return f"an armtree server has the arm, but not this task; {way}"
     words = ["--server", server.url]
     if task != logs.MOVE:
@@ -174,7 +174,10 @@ def _held_by(
 
 
 def perhaps_meant(port: str) -> Sequence[token_file.ServerInfo]:
-    """Return the running servers; none if the port is a real one, or given as an option."""
+    """Return the running servers whose arm the user may mean.
+
+    There are none if the port is a real port, or is given as an option.
+    """
     source = click.get_current_context().get_parameter_source("port")
     chosen = port != VIRTUAL or source is ParameterSource.COMMANDLINE
     return () if chosen else token_file.running()
@@ -183,12 +186,12 @@ def perhaps_meant(port: str) -> Sequence[token_file.ServerInfo]:
 def with_holder(
     outcome: Outcome, port: str, hint: Callable[[token_file.ServerInfo], str]
 ) -> Outcome:
-    """Return an outcome. If a server of this user has the port, its hint is about that server.
+    """Return an outcome. If a server of this user has the busy port, change the hint.
 
     Args:
         outcome: The outcome.
         port: The port.
-        hint: Callback that returns the hint; empty to keep that of the outcome.
+        hint: Callback that gets the server and returns the hint; empty to keep the earlier hint.
     """
     cause = outcome.cause
     if not cause or cause.code != PortBusy.code:

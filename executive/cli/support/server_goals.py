@@ -1,4 +1,4 @@
-"""Goals and events of a server, shown like those of `armtree run`."""
+"""Sends goals to a server, and shows its goals and events like those of `armtree run`."""
 
 import logging
 import threading
@@ -43,12 +43,12 @@ def send_and_wait(
     as_json: bool,
     verbose: bool,
 ) -> Outcome:
-    """Run a task or a move on a server, and show it like `armtree run`. Ctrl-C cancels it.
+    """Run a task or a move on a server, and show it like `armtree run`. Ctrl-C cancels the goal.
 
     Args:
         client: Client of the server.
         task: Number or name of the task, or a move.
-        settings: Values of its parameters, each as NAME=VALUE.
+        settings: Values of the parameters of the task, each as NAME=VALUE.
         deadman: True to cancel the goal if this process dies.
         as_json: True to print JSON. A rejected goal is then an outcome, as in `armtree run`. A
             rejected move is always an outcome.
@@ -116,7 +116,7 @@ def activate(client: Client, pose: str | None, stops: int, verbose: bool) -> str
     Args:
         client: Client of the server.
         pose: Confirmed start pose, or None.
-        stops: Number of stops that the caller knows. After a later one, the arm is not activated.
+        stops: Number of stops that the caller knows. After a later stop, the arm is not activated.
         verbose: True if the log is printed.
 
     Returns:
@@ -153,7 +153,7 @@ def watch(client: Client, as_json: bool, verbose: bool) -> None:
 
 
 def _show_goal(events: Iterator[Event], goal_id: str, view: View) -> Outcome:
-    """Show the events of one goal until it ends."""
+    """Show the events of one goal until it ends. Return its outcome."""
     belongs = False
     for event in events:
         if isinstance(event, GoalStatus):

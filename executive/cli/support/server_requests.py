@@ -38,8 +38,8 @@ _NO_QUESTION = "there is no open question"
 def find_server(server: str | None) -> str | None:
     """Return the URL of the server that holds the arm, or None for an arm of this command.
 
-    It is the server that the command names, else the server on this machine. The result is None if
-    the command names a port, or a robot without a driver that this server does not hold.
+    The server is the one that the command names, else the server on this machine. The result is
+    None if the command names a port, or a robot without a driver that this server does not hold.
 
     Raises:
         Refusal: Several servers run on this machine, or the server does not hold the named robot.
@@ -56,7 +56,7 @@ def find_server(server: str | None) -> str | None:
         with Client(server) as client:
             robot = load_robot(given)
             if not (named or robot.has_driver or holds(client.robot(), robot)):
-                return None  # without a driver it moves on the port virtual only
+                return None  # without a driver, the robot moves only on the port virtual
             check_robot(client, given)
     return server
 
@@ -86,7 +86,7 @@ def check_robot(client: Client, given: Path | None) -> None:
     elif source is not ParameterSource.COMMANDLINE:
         by = configured(context)["robot"].place
     other = " with other joints" if held["name"] == robot.name else ""
-    ways = f"Start a server for it with `armtree serve --robot {shlex.quote(str(given))}`"
+    ways = f"Start a server for that robot: `armtree serve --robot {shlex.quote(str(given))}`"
     if "port" in context.params:
         ways += ", or use an arm of this command: --port PORT, or --port virtual"
     why = f"the server {client.url} holds {held['name']}{other}, but {by} names {robot.name}"
@@ -94,7 +94,7 @@ def check_robot(client: Client, given: Path | None) -> None:
 
 
 def holds(held: Mapping[str, Any], robot: "Robot") -> bool:
-    """Return True if a description of `Client.robot` is of this robot."""
+    """Return True if a description from `Client.robot` has the name and joints of a robot."""
     joints = {joint["name"] for joint in held["joints"]}
     return held["name"] == robot.name and joints >= {joint.name for joint in robot.joints}
 
@@ -104,12 +104,12 @@ def stop_all(server: str | None, as_json: bool) -> int:
 
     Args:
         server: URL of the server whose arm is stopped. None for all arms of this user on this
-            machine: of servers, and of commands such as `armtree run`. Without any, the arm of
-            the server at the port of the settings is stopped, even another user's.
+            machine: of servers, and of commands such as `armtree run`. If there are none, the arm
+            of the server at the port of the settings is stopped, even if another user started it.
         as_json: True to print JSON.
 
     Returns:
-        The exit status: 0 if all have stopped.
+        The exit status: 0 if all arms have stopped.
     """
     if server:
         return _stop_servers([server], as_json)
@@ -140,7 +140,7 @@ def _stop_servers(urls: Sequence[str], as_json: bool, own: bool = True) -> int:
         own: False if this user has started no server.
 
     Returns:
-        The exit status: 0 if all have stopped.
+        The exit status: 0 if all arms have stopped.
     """
 
     def stop(url: str) -> tuple[str, CancelResult | ClientError]:
@@ -171,12 +171,12 @@ def _stop_servers(urls: Sequence[str], as_json: bool, own: bool = True) -> int:
 
 
 def answer_question(client: Client, words: Sequence[str], as_json: bool) -> Sequence[str]:
-    """Answer a question of a server, or list the open ones.
+    """Answer a question of a server, or list the open questions.
 
     Args:
         client: Client of the server.
-        words: The answer. The id of the question comes first; it may be omitted if only one
-            question is open. No words: list the questions.
+        words: The id of the question, and the answer. The id may be omitted if only one question
+            is open. If there are no words, the questions are listed.
         as_json: True to return JSON.
 
     Returns:
@@ -232,7 +232,7 @@ def status_lines(status: Status, where: Where) -> Iterator[str]:
 
 CANCEL_MESSAGES = {
     CancelCode.NONE: "there is nothing to cancel",
-    CancelCode.REJECTED: "the server does not cancel it",
+    CancelCode.REJECTED: "the server rejects the cancel",
     CancelCode.UNKNOWN_GOAL_ID: "no such goal is known",
     CancelCode.GOAL_TERMINATED: "that goal has ended, or is already being canceled",
 }

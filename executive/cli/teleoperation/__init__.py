@@ -1,1 +1,1 @@
-"""An arm that follows a hand-guided arm: leader, screen and run."""
+"""Teleoperation: an arm follows a leader, an arm that a person moves by hand."""

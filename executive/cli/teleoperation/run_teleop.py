@@ -1,4 +1,4 @@
-"""Makes an arm of this command follow a hand-guided arm."""
+"""Makes an arm of this command follow a leader, an arm that a person moves by hand."""
 
 import sys
 from collections.abc import Mapping
@@ -35,22 +35,22 @@ from .servo_leader import HandGuidedArm
 def run_teleop(
     port: str, leader_robot: Path | None, speed: float, options: Mapping[str, Any]
 ) -> int:
-    """Follow the arm at a port until a key or a signal. Then print the position of the arm.
+    """Make an arm follow a leader. When a key or a signal ends this, print the arm's position.
 
-    The following arm is activated first, and then the leader loses its torque.
+    The following arm is activated first. The leader loses its torque later.
 
     Args:
         port: Port of the leader.
         leader_robot: Robot file of the leader; None for the robot file of the arm.
         speed: Share of the robot's speed.
-        options: Fields of a `Setup`.
+        options: Values for fields of a `Setup`, by name.
 
     Returns:
         The exit status.
 
     Raises:
         Refusal: There is no terminal, the leader has other joints, or a server has the arm.
-        HardwareError: The leader cannot be opened, or the robot is of another kind.
+        HardwareError: The leader cannot be opened, or cannot measure or switch its torque.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         raise Refusal("teleoperation needs a terminal, because it shows a screen and reads keys")
@@ -91,7 +91,7 @@ def run_teleop(
             held = leader.close()
         echo(port_line(executive))
         echo(f"The arm holds at {pose_words(where)}")
-        echo(f"The leader {'holds where it is' if held else 'has no torque: hold it'}")
+        echo(f"The leader {'holds its position' if held else 'has no torque: hold it'}")
     return INTERRUPTED_EXIT if screen.left else 0
 
 
@@ -99,7 +99,7 @@ def _check_servers(setup: Setup, robot: Robot) -> None:
     """Check that no server has the robot, if no port is given and the arm would be virtual.
 
     Raises:
-        Refusal: A server has it, so the user may mean the arm of that server.
+        Refusal: A server has the robot, so the user may mean the arm of that server.
     """
     for server in perhaps_meant(robot.serial.port if setup.port is None else setup.port):
         with suppress(ClientError), Client(server.url) as client:

@@ -1,4 +1,4 @@
-"""The full-screen view of an arm that follows a hand-guided arm."""
+"""The full-screen view of an arm that follows a leader, an arm that a person moves by hand."""
 
 import math
 import threading
@@ -21,14 +21,14 @@ from skills import Blocked
 
 from .servo_leader import HandGuidedArm
 
-_REDRAW = 0.1  # [s]
+_REDRAW = 0.1  # longest time between two drawings [s]
 _NEAR = math.radians(2)  # largest distance to follow without a planned move first [rad], [m]
 _ROUNDING = 1e-6  # largest rounding error of a position in a move's words [rad], [m]
-_NAMED = 16  # smallest number of columns of a name
+_NAMED = 16  # smallest width of the name of a joint [columns]
 
 
 class Phase(Enum):
-    """Phase of the arm. The value is for people."""
+    """Phase of the following arm. The value is for people."""
 
     ASKS = "waits for you"
     HOLDS = "holds"
@@ -68,7 +68,7 @@ class View:
         """
         blocked = self.phase is Phase.FOLLOWS and self.blocked
         said = wrap(f"Blocked: {blocked.contact}" if blocked else self.message, width)
-        if self.lost not in self.message:  # the error of a goal that followed the leader
+        if self.lost not in self.message:  # the message of a failed goal may have this error
             said += wrap(f"Leader: {self.lost}", width)
         wrong = bool(blocked or self.failed or self.lost)
         body = list(self._joints())
@@ -108,13 +108,13 @@ class View:
 
 
 class TeleopScreen(KeyScreen):
-    """Makes an arm follow a leader, until a key or a signal ends this.
+    """The screen of teleoperation: makes an arm follow a leader, and shows both.
 
     Args:
         arm: The arm that follows.
-        joints: Its actuated joints.
+        joints: Actuated joints of this arm.
         leader: The leader.
-        speed: Share of the robot's speed.
+        speed: Share of the robot's speed, 0.01 to 1.
     """
 
     def __init__(
@@ -129,7 +129,7 @@ class TeleopScreen(KeyScreen):
         self._following: Future[None] | None = None
 
     def run(self, keys: int) -> Where:
-        """Follow until a key or `leave`. Then return the position of the arm.
+        """Follow until a key or `leave` ends the screen. Then return the position of the arm.
 
         Args:
             keys: File handle of the keyboard, which is read key by key.
@@ -168,7 +168,7 @@ class TeleopScreen(KeyScreen):
 
     def _start(self) -> None:
         if self._following:
-            self._following.result()  # the method clears the values that are set here
+            self._following.result()  # its end clears the values that are set below
         self._show(Phase.APPROACHES, "")
         self._leader.following = True
         self._following = self._worker.submit(self._follow)
@@ -187,16 +187,16 @@ class TeleopScreen(KeyScreen):
                 self._show(Phase.FOLLOWS, "")
                 outcome = self._arm.move(Move((LEADER,), speed=self._speed), _nothing)
             self._show(Phase.HOLDS, *_words(outcome))
-        except HardwareError as error:  # positions of the leader
+        except HardwareError as error:  # the position of the leader cannot be read
             self._lose(error)
         finally:
             self._leader.following = False
             self.wake()
 
     def _approach(self) -> Outcome | None:
-        """Move to the leader's position if it is far. Return the outcome; None without a move.
+        """Move to the leader's position if it is far away. Return the outcome; None without a move.
 
-        A leader beyond a limit leads to the limit.
+        If the leader is beyond a limit of a joint, the arm moves to the limit.
         """
         pairs = zip(self._joints, self._leader.where(), strict=True)
         target = {
@@ -225,7 +225,7 @@ class TeleopScreen(KeyScreen):
         fault = self._arm.fault()
         with self._lock:
             self._view = replace(self._view, leader=leader, where=where, blocked=blocked)
-            if fault and fault.message not in self._view.message:  # no goal was under way
+            if fault and fault.message not in self._view.message:  # no goal has reported it
                 self._view = replace(self._view, message=cause_words(fault), failed=True)
 
     def _lose(self, error: HardwareError) -> None:

@@ -16,7 +16,7 @@ class HandGuidedArm:
         link: Link to its board.
 
     Attributes:
-        following: False to let the other arm stop following.
+        following: True while the other arm shall follow. False makes it stop following.
         blocked: Reason that the other arm does not follow; None if it follows.
 
     Raises:
@@ -28,7 +28,7 @@ class HandGuidedArm:
         robot.require(Ability.TORQUE)
         self.robot, self.following = robot, False
         self.blocked: Blocked | None = None
-        # A person may move it beyond its limits. It must hold its position there, too.
+        # A person may move the arm beyond its limits, and it must then hold this position.
         self._arm = Arm(_beyond_limits(robot), link, RealClock())
 
     def open(self) -> None:
@@ -59,7 +59,7 @@ class HandGuidedArm:
         return held
 
     def where(self) -> tuple[float, ...]:
-        """Return its measured positions, one per actuated joint [rad].
+        """Return the measured positions of the leader, one per actuated joint [rad].
 
         Raises:
             HardwareError: The arm is lost.
@@ -72,7 +72,7 @@ class HandGuidedArm:
         return measured.position
 
     def positions(self) -> tuple[float, ...] | None:
-        """Return its measured positions [rad], or None to stop following. Raises like `where`."""
+        """Return what `where` returns [rad], or None to stop following. Raises like `where`."""
         return self.where() if self.following else None
 
     def show(self, blocked: Blocked | None) -> None:

@@ -44,7 +44,7 @@ def job_text(found: Job | JobRecord) -> str:
 def arms_table(rows: "Sequence[ArmRow]") -> list[str]:
     """Return the lines of a table of arms."""
     if not rows:
-        return ["no arm has joined; armtree serve --fleet URL --name NAME adds one"]
+        return ["no arm has joined; `armtree serve --fleet URL --name NAME` adds an arm"]
     keys = {"arm": "ARM", "state": "STATE", "last": "LAST", "url": "SERVER", "job": "JOB"}
     found = (keys, *(row.to_json() for row in rows))
     table = [[str(row[key]) or "-" for key in keys] for row in found]
@@ -61,7 +61,7 @@ async def top(client: "FleetClient") -> None:
     with Live(screen=True, auto_refresh=False) if is_screen else nullcontext() as live:
         while True:
             number, _ = await client.queued(0)
-            lines = [f"{number} queued", *arms_table(await client.arms())]
+            lines = [f"Queued jobs: {number}", *arms_table(await client.arms())]
             if live:
                 live.update(Text("\n".join(map(printable, lines))), refresh=True)
             else:

@@ -1,4 +1,4 @@
-"""The alternate screen of a terminal. The earlier content returns at its end."""
+"""The alternate screen of a terminal. When it ends, the terminal shows the earlier content."""
 
 import os
 import signal
@@ -12,7 +12,7 @@ from .streams import LastingStream
 
 _SHOW_CURSOR = "\x1b[?25h"
 _ENTER = "\x1b[?1049h\x1b[?25l"  # switch to the alternate screen, without a cursor
-_EXIT = f"\x1b[H\x1b[J{_SHOW_CURSOR}\x1b[?1049l"  # clear it, for terminals with only one screen
+_EXIT = f"\x1b[H\x1b[J{_SHOW_CURSOR}\x1b[?1049l"  # also clears terminals with only one screen
 
 _left = threading.Event()  # not set while the screen is shown
 _left.set()
@@ -20,7 +20,7 @@ _lock = threading.RLock()  # blocks drawing while the process is being suspended
 
 
 class FullScreen:
-    """Draws lines on the alternate screen, as a context.
+    """A context that draws lines on the alternate screen.
 
     Each line replaces the previous one, so the screen does not flicker. The rest of the screen is
     cleared, also after typed keys or a change of the terminal's size.
@@ -53,10 +53,10 @@ class FullScreen:
 
 
 def suspend(*_signal: object) -> None:
-    """Suspend this process, for Ctrl-Z. The shell has screen and keyboard until it continues.
+    """Suspend this process, for Ctrl-Z. The shell has screen and keyboard meanwhile.
 
-    If the process continues in the background, the shell keeps the screen. Call from the main
-    thread.
+    If the process continues in the background, the shell keeps the screen. Call this function from
+    the main thread.
     """
     with _lock, suspended_keyboard():
         shown = not _left.is_set()
@@ -64,7 +64,7 @@ def suspend(*_signal: object) -> None:
             _left.set()
             os.write(1, _EXIT.encode())
         handler = signal.signal(signal.SIGTSTP, signal.SIG_DFL)
-        os.kill(os.getpid(), signal.SIGTSTP)  # without a shell that can continue it, do nothing
+        os.kill(os.getpid(), signal.SIGTSTP)  # no effect without a shell that can continue it
         signal.signal(signal.SIGTSTP, handler)
         if shown and os.tcgetpgrp(1) == os.getpgrp():
             os.write(1, _ENTER.encode())
@@ -72,7 +72,7 @@ def suspend(*_signal: object) -> None:
 
 
 def last_words(text: str) -> None:
-    """Leave screen and keyboard, and print a text to standard error, before the process ends.
+    """Restore screen and keyboard, and print a text to standard error, before the process ends.
 
     Gives up after 0.2 s if the terminal does not accept the text.
     """

@@ -19,13 +19,13 @@ _RED, _PLAIN = "\x1b[31m", "\x1b[0m"
 
 
 class KeyScreen(ABC):
-    """Draws lines and reads keys, until `end` or until the terminal is closed.
+    """Draws lines and reads keys, until `end` is called or the terminal is closed.
 
     Args:
         every: Longest time between two drawings [s]; None to draw only after a key or `wake`.
 
     Attributes:
-        left: True after `leave`.
+        left: True if `leave` was called.
     """
 
     def __init__(self, every: float | None = None) -> None:
@@ -67,13 +67,13 @@ class KeyScreen(ABC):
         self.wake()
 
     def leave(self) -> None:
-        """Stop the arm, and end the view, because of a signal. Any thread may call."""
+        """Stop the arm and end the view, after a signal. Any thread may call."""
         self.left = True
         self.end()
         self.stop()
 
     def show(self, keys: int) -> None:
-        """Draw and read keys until the view is ended.
+        """Draw the view and read keys until the view ends.
 
         Args:
             keys: File handle of the keyboard, which is read key by key.

@@ -1,4 +1,4 @@
-"""The keyboard: reads a line that answers a question, or key by key."""
+"""Reads the keyboard: a line that answers a question, or key by key."""
 
 import contextlib
 import os
@@ -31,7 +31,7 @@ def ask(question: str) -> str:
     It does not use `input`, because `input` may lose a Ctrl-C just before it reads.
 
     Raises:
-        KeyboardInterrupt: Ctrl-C, at any moment.
+        KeyboardInterrupt: The user pressed Ctrl-C.
         click.Abort: Standard input has ended.
     """
     echo(f"{question} ", nl=False)
@@ -57,10 +57,10 @@ def keys_in(data: bytes) -> list[str]:
 
 
 def pressed_keys(keyboard: int | None, seconds: float | None) -> list[str]:
-    """Wait for keys, and return them; none after the time.
+    """Wait for keys, and return them. If no key is pressed in time, return an empty list.
 
     Args:
-        keyboard: File handle from `key_by_key`.
+        keyboard: File handle from `key_by_key`; None only to wait.
         seconds: Longest time to wait [s]; None for no limit.
     """
     handles = [] if keyboard is None else [keyboard]
@@ -77,7 +77,7 @@ def key_name(key: str) -> str:
 def key_by_key() -> Iterator[int | None]:
     """Read the keyboard key by key. Yield its file handle, or None if there is no terminal.
 
-    Unread keys are dropped at the end, so that a shell does not execute them.
+    The end of the context drops unread keys, so that a shell does not execute them.
     """
     if not (sys.stdin.isatty() and sys.stdout.isatty()):
         yield None
@@ -93,7 +93,7 @@ def key_by_key() -> Iterator[int | None]:
 
 @contextlib.contextmanager
 def suspended_keyboard() -> Iterator[None]:
-    """Leave the keyboard to the shell for a while, if `key_by_key` reads it."""
+    """Leave the keyboard to the shell during this context, if `key_by_key` reads it."""
     ours = {handle: termios.tcgetattr(handle) for handle in _before}
     for handle, before in _before.items():
         termios.tcsetattr(handle, termios.TCSADRAIN, before)

@@ -15,7 +15,7 @@ from .view import Item, Prompt, View
 
 
 class _Lines(View):
-    """Prints lines.
+    """A view that prints a line for each item.
 
     Args:
         line: Callback that returns the line for an item, or "" for no line.
@@ -33,7 +33,7 @@ class _Lines(View):
 
 
 def _json_line(item: Item) -> str:
-    """Return an event as JSON. The result is printed when its recording is closed."""
+    """Return an item as a line of JSON, or "" for no line. A Result has none; its Outcome has."""
     if isinstance(item, (str, Prompt, Where, logs.Result)):
         return ""
     if isinstance(item, Outcome):
@@ -46,7 +46,7 @@ def _json_line(item: Item) -> str:
 class _TextLine:
     """Converts a goal, an ended node with a message, a question or an outcome to a line.
 
-    The first node of a step is preceded by a line with the names of its subtrees.
+    A node in other subtrees than the previous node gets a further line with their names.
 
     Args:
         verbose: True to also return a line for each frame.
@@ -54,7 +54,7 @@ class _TextLine:
 
     def __init__(self, verbose: bool) -> None:
         self._verbose, self._state = verbose, RunState()
-        self._step: Sequence[str] = []  # names of the subtrees around the last node
+        self._step: Sequence[str] = []  # names of the subtrees around the last printed node
 
     def __call__(self, item: Item) -> str:
         """Return the line for an item, or "" for no line."""
@@ -90,7 +90,7 @@ class _TextLine:
         return ""
 
     def _heading(self, record: logs.NodeStatus) -> str:
-        """Return the line of a new step, or ""."""
+        """Return a line with the subtrees around a node, or "" if they are those of before."""
         step = _subtrees(record.path)
         if step == self._step:
             return ""
@@ -112,9 +112,9 @@ def view_for(as_json: bool, verbose: bool, now: Callable[[], float] | None = Non
     Args:
         as_json: True for JSON.
         verbose: True if the log is printed, so that lines are printed instead of a live picture.
-            They include the frames.
-        now: Time source of the events [s]. Default: the machine's clock, synchronised with their
-            times.
+            The lines include the frames.
+        now: Time source of the events [s]. Default: the machine's clock, synchronised with the
+            times of the events.
     """
     if as_json:
         return _Lines(_json_line)

@@ -1,4 +1,4 @@
-"""Shows a recorded run in real time, faster, or under control of keys."""
+"""Shows a recorded run at any speed. Keys pause the run, and change its speed and time."""
 
 import contextlib
 from pathlib import Path
@@ -58,7 +58,7 @@ class Player:
         return (self._next.time - self._zero - self.at) / self.speed
 
     def show_until(self, at: float) -> None:
-        """Show all records up to a time [s since the first record]. The time may be in the past."""
+        """Show all records up to a time [s since the first record], which may be in the past."""
         if at < self.at:
             self._records = self._recording.records()
             self._next = next(self._records, None)

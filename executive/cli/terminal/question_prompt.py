@@ -30,11 +30,12 @@ class Terminal:
         self._lines: deque[str] = deque()
         self._reader: threading.Thread | None = None
         self._ended = False
-        # Reading in the background of a shell would suspend the process, and stop the arm.
+        # A process that reads while it is in the background of a shell would be suspended, and the
+        # arm would stop.
         signal.signal(signal.SIGTTIN, signal.SIG_IGN)
 
     def ask(self, question: Question) -> None:
-        """Show a question when the earlier ones are answered."""
+        """Show a question when the earlier questions are answered."""
         with self._lock:
             self._open.append(question)
             first = len(self._open) == 1

@@ -1,4 +1,4 @@
-"""Standard streams: handles closed streams and ended readers, and prints texts from outside."""
+"""Standard streams: handles closed streams and ended readers, and prints texts safely."""
 
 import json
 import logging
@@ -50,8 +50,8 @@ def is_screen(stream: TextIO) -> bool:
 def fold(text: str, width: int) -> str:
     """Return a text with its lines broken at spaces, but not between a number and its unit.
 
-    Continuation lines are indented, and keep the guides of a tree. A word that is too long, such as
-    a path, stays whole. Styles have no width.
+    Continuation lines are indented, and keep the lines of a drawn tree. A word that is too long,
+    such as a path, stays whole. Escape sequences for colours take no columns.
 
     Args:
         text: The text.
@@ -90,14 +90,14 @@ def fit(text: str, stream: TextIO) -> str:
 
 
 def echo(*texts: object, err: bool = False, nl: bool = True, whole: bool = False) -> None:
-    """Print texts that may have parts from outside. Each begins a line.
+    """Print texts, each at the begin of a line, with escapes for control characters.
 
     Args:
-        texts: The texts. Further lines of each are indented.
+        texts: The texts. Their second and further lines are indented.
         err: True to print to standard error.
-        nl: True to print a line break after them.
-        whole: True for a text that is copied, such as a command: its lines are not broken, and not
-            indented.
+        nl: True to print a line break after the texts.
+        whole: True for a text that the user copies, such as a command: its lines are not broken,
+            and not indented.
     """
     words = "\n".join(map(escaped if whole else printable, map(str, texts)))
     words = words if whole else fit(words, sys.stderr if err else sys.stdout)
@@ -113,7 +113,7 @@ class LogPrinter(logging.StreamHandler[TextIO]):
     """Prints the log to standard error.
 
     Args:
-        form: Format of a line. Default: with the time.
+        form: Format of a line, as in `logging`. The default includes the time.
     """
 
     def __init__(self, form: str = "%(asctime)s %(levelname)-7s %(message)s") -> None:
@@ -121,7 +121,7 @@ class LogPrinter(logging.StreamHandler[TextIO]):
         self.setFormatter(logging.Formatter(form))
 
     def format(self, record: logging.LogRecord) -> str:
-        """Return the lines of a record."""
+        """Return the lines of a record of the log."""
         return printable(super().format(record))
 
 

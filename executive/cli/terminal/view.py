@@ -56,7 +56,7 @@ class View(ABC):
             raise self._error
 
     def put(self, item: Item) -> None:
-        """Show an item soon."""
+        """Queue an item, which the thread of the view then shows."""
         self._queue.put(item)
 
     @abstractmethod
@@ -64,7 +64,7 @@ class View(ABC):
         """Show an item. Only the view's thread calls it."""
 
     def refresh(self) -> None:  # noqa: B027, a view of lines does not change with time
-        """Show the progress of time. Only the view's thread calls it."""
+        """Draw again, because time has passed. Only the view's thread calls it."""
 
     def close(self) -> None:  # noqa: B027, as above
         """End the view. Only the view's thread calls it."""

@@ -186,7 +186,7 @@ def test_servos_get_their_ids_one_by_one(arm: Arm) -> None:
                 terminal.until("Exactly one servo must answer; ids that answer: 1, 2")
                 arm.board.call("connect", [0, 2])
                 terminal.type("\r")
-                terminal.until("ids that answer: none; damaged, as of two servos")
+                terminal.until("ids that answer: none; damaged, as if two answer")
             arm.board.call("connect", [place])
             terminal.type("\r")
             if joint == 3:

@@ -91,7 +91,7 @@ def test_a_relative_path_is_in_the_folder_of_its_file(project: Path) -> None:
     found = shown(HOME="/home/ada")
     assert found["recordings"][0] == str(project / "runs")
     assert found["trees"][0] == "/home/ada/tasks"
-    assert "runs: there are no recordings here" in armtree("log", "ls").stderr
+    assert "runs: there are no recordings in this folder" in armtree("log", "ls").stderr
 
 
 def test_commands_use_the_files(project: Path) -> None:
@@ -110,7 +110,7 @@ def test_commands_use_the_files(project: Path) -> None:
     [
         ("seed = 1\nprot = 1", ":2: prot: unknown key; did you mean port?"),
         ("prot = 1", "did you mean port?"),
-        ("[serial]\nport = 1", ":1: serial: unknown key; there are no tables"),
+        ("[serial]\nport = 1", ":1: serial: unknown key; this file has no tables"),
         ("port = 1", ":1: port: 1 is not a text"),
         ("seed = 0", ":1: seed: 0 is not from 1 to "),
         ("seed = 1.5", ":1: seed: 1.5 is not a whole number"),
@@ -150,7 +150,7 @@ def test_a_file_of_another_user_in_a_shared_folder_is_not_read(
 
 
 def test_without_a_file(project: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    assert "There is no armtree.toml here" in armtree("config").output
+    assert "There is no armtree.toml in this folder or a folder above" in armtree("config").output
     monkeypatch.setenv("XDG_CONFIG_HOME", "relative")  # not valid, by the XDG specification
     assert str(settings.user_file()).endswith("/.config/armtree/armtree.toml")
     gone = project / "gone"

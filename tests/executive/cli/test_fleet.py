@@ -181,7 +181,7 @@ def test_top_prints_lines_to_a_pipe(url: str, capsys: pytest.CaptureFixture[str]
             while not (printed := capsys.readouterr().out):
                 await asyncio.sleep(0)
         showing.cancel()
-        assert printed.startswith("0 queued\n")
+        assert printed.startswith("Queued jobs: 0\n")
 
     run(url, read)
 

@@ -40,6 +40,6 @@ def test_no_empty_file_is_left(tmp_path: Path, words: tuple[str, ...], file: str
         text=True,
         check=False,
     )
-    full = f"Error: {file}: the disk is full; make room, then try again [file]"
+    full = f"Error: {file}: the disk is full; delete files, then try again [file]"
     assert (ended.returncode, ended.stderr.splitlines()[-1]) == (3, full)
     assert not list(tmp_path.glob(f"*{file}*"))

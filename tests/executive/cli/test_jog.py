@@ -177,7 +177,7 @@ def step_is_shown_live(terminal: PseudoTerminal) -> None:
     between(terminal)
     assert "moving joint_1 by +10 deg" in terminal.screen
     terminal.type(RIGHT + "z" + RIGHT)
-    terminal.until("1 key waits: tool up 10 mm; 1 key not taken")
+    terminal.until("1 key waits: tool up 10 mm; 1 key ignored")
     terminal.type(" ")
     terminal.until("Stopped")
 

@@ -23,7 +23,7 @@ def test_ls_lists_the_folder_in_which_it_is_typed_or_says_where_it_looked(
     monkeypatch.setenv("XDG_CONFIG_HOME", str(tmp_path))
     monkeypatch.chdir(tmp_path)
     nothing = CliRunner().invoke(cli, ["log", "ls"]).output
-    assert nothing == f"{tmp_path}/recordings: there are no recordings here\n"
+    assert nothing == f"{tmp_path}/recordings: there are no recordings in this folder\n"
     recordings = tmp_path / "recordings"
     recordings.mkdir()
     run_journal(recordings / "20261123T151517.770Z-1.mcap")

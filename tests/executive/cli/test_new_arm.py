@@ -87,8 +87,8 @@ def test_a_task_of_a_new_arm_runs_without_a_board(folder: Path) -> None:
 def test_what_was_guessed_is_said_and_can_be_given(folder: Path) -> None:
     said = armtree("new-arm", "arm.urdf").output
     assert "  arm        shoulder, elbow\n  gripper    gripper\n  tool       b\n" in said
-    assert "  start pose all joints at 0; no links are checked there\n  pairs      none\n" in said
-    assert '\nThe line `robot = "arm.toml"` in armtree.toml saves the option --robot.\nNext' in said
+    assert "  start pose all joints at 0; no links are checked\n  pairs      none\n" in said
+    assert '\nWith the line `robot = "arm.toml"` in armtree.toml, --robot is not needed.\nN' in said
     (folder / "arm.toml").unlink()
     (folder / "armtree.toml").write_text('robot = "arm.toml"')
     said = armtree("new-arm", "arm.urdf").output

@@ -67,7 +67,7 @@ def test_it_is_drawn_in_degrees(tmp_path: Path) -> None:
 def test_what_is_no_drawing_is_refused_at_once(tmp_path: Path) -> None:
     result = CliRunner().invoke(cli, ["plan", "right", "-o", str(tmp_path / "plan.jpg")])
     assert result.exit_code == 2
-    assert "plan.jpg: a drawing is one of .png, .svg, .pdf" in result.output
+    assert "plan.jpg: the name of a drawing ends with one of .png, .svg, .pdf" in result.output
     assert "Goal" not in result.output
 
 
@@ -79,7 +79,7 @@ def test_round_a_body(tmp_path: Path) -> None:
     result = plan(tmp_path, *PICK, *world)
     assert result.exit_code == bare.exit_code == 0
     assert re.search(r"Path      around an obstacle, \d waypoints\n", result.output)
-    times = r"Duration  (.*) s; a straight line would take (.*) s, this one (.*) % longer\n"
+    times = r"Duration  (.*) s; a straight line would take (.*) s, the path is (.*) % longer\n"
     (found,) = re.findall(times, result.output)
     duration, straight, percent = map(float, found)
     assert percent == pytest.approx(100.0 * (duration / straight - 1.0), abs=0.6)
@@ -237,7 +237,7 @@ def test_a_task_of_several_motions(tmp_path: Path, monkeypatch: pytest.MonkeyPat
 @pytest.mark.usefixtures("undrawn")
 def test_a_task_that_moves_nothing(tmp_path: Path) -> None:
     said = plan(tmp_path, "2", "--start", "folded closed").output
-    assert "Path      none: the arm is there already" in said
+    assert "Path      none: the arm is at the goal already" in said
     assert "Motion" not in said
 
 
@@ -249,7 +249,7 @@ def test_how_long_it_took_to_get_ready_is_reported(tmp_path: Path) -> None:
     whole, model, goal = map(float, milliseconds.groups())
     assert whole == pytest.approx(model + goal, abs=0.02)
     assert goal > 0.5  # many descents
-    assert found.startswith("Found in")
+    assert found.startswith("Planned   in")
 
 
 @pytest.mark.parametrize(

@@ -26,7 +26,7 @@ def test_a_pose_from_a_recording_to_a_task(folder: Path) -> None:
     assert out.startswith(
         "trees/arduinobot/poses.yaml\nthere        joint_1 -80.21 deg, joint_2 -34.38"
     )
-    assert "runs/pick.mcap; the arm may have moved since" in out
+    assert "runs/pick.mcap; the arm may have moved since then" in out
     assert out.endswith("without joint_4; --group all saves every joint\n")
     status, out, _ = type_command(folder, "pose", "save", "all", "--group", "all")
     assert (status, "without" in out) == (0, False)
@@ -48,7 +48,8 @@ def test_a_pose_from_a_recording_to_a_task(folder: Path) -> None:
 def test_a_pose_with_a_joint_of_another_robot(folder: Path) -> None:
     Path("trees").mkdir()
     Path("trees/poses.yaml").write_text("poses: {far: {elbow: 0.10471975511965978}}\n")
-    assert "far          elbow, which arduinobot lacks\n" in type_command(folder, "pose", "ls")[1]
+    listed = type_command(folder, "pose", "ls")[1]
+    assert "far          elbow, which arduinobot does not have\n" in listed
 
 
 @pytest.mark.parametrize(

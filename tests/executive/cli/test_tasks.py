@@ -151,7 +151,7 @@ def test_check_as_json(tmp_path: Path) -> None:
     [
         (["check", "--skills", "nosuch"], "nosuch: there is no such folder for skills"),
         (["show", "0", "--skills", "nosuch"], "nosuch: there is no such folder for skills"),
-        (["check", "3_x.yaml", "--trees", "."], "--trees and FILE exclude each other"),
+        (["check", "3_x.yaml", "--trees", "."], "give --trees or FILE, not both"),
     ],
 )
 def test_what_is_typed_wrongly(arguments: list[str], words: str) -> None:
@@ -270,7 +270,7 @@ def test_the_page_explains_every_kind_of_node() -> None:
 @pytest.mark.parametrize("name", ["latest", "latest:pick", "x.mcap"])
 def test_a_recording_is_replayed_not_run(name: str) -> None:
     refused = armtree("run", name, "--port", "virtual")
-    assert f"{name} is a recording: `armtree replay {name}` plays it" in refused.output
+    assert f"{name} is a recording: type armtree replay {name} --watch" in refused.output
 
 
 def test_of_many_wrong_files_the_last_line_has_the_number(tmp_path: Path) -> None:

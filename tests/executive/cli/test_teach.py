@@ -135,7 +135,7 @@ def test_a_server_that_does_not_read_the_folder_needs_another_start(serve: Serve
     served = serve()
     printed = taught(served, Path("mine 2"))
     assert printed.endswith(
-        "has 1 step (2 nodes). The server does not list it: start armtree serve with "
+        "has 1 step (2 nodes). The server does not list this task: start armtree serve with "
         "--trees 'mine 2'. Then, type: armtree send 5 --wait"
     )
 

@@ -71,7 +71,7 @@ def test_an_arm_follows_holds_and_stops_before_a_collision(
         status, printed = terminal.end()
     assert status == 0
     assert "The arm holds at shoulder_pan -20.0 deg" in printed
-    assert "The leader holds where it is" in printed
+    assert "The leader holds its position" in printed
     assert all(arm.state().torque.values())
     assert all(leader.state().torque.values())
     assert leader.state().positions[1] != push_before
@@ -95,7 +95,7 @@ def test_a_leader_outside_the_limits_leads_to_the_limit(
         terminal.until(row("wrist_roll", "170.0", "162.8"))
         terminal.type("q")
         status, printed = terminal.end()
-    assert (status, "The leader holds where it is" in printed) == (0, True)
+    assert (status, "The leader holds its position" in printed) == (0, True)
     assert leader.state().positions[5] == pytest.approx(2048 + 170 * 4096 / 360, abs=1)
     assert all(arm.state().torque.values())
 
@@ -119,7 +119,7 @@ def test_the_arm_holds_whatever_ends_it(
             arm.call("fail", Fault("vanish", 6, 0.0))
             terminal.until("hw.servo_silent", "q leave, then start armtree teleop again")
             terminal.type("q")
-            assert "The leader holds where it is" in terminal.end()[1]
+            assert "The leader holds its position" in terminal.end()[1]
         else:
             leader.close()
             shown = terminal.until("the leader is lost", "q leave")

@@ -82,8 +82,8 @@ def plotted(recording: Path) -> Any:
 def test_motions_are_drawn_world_by_world(rig: RigMaker, tmp_path: Path) -> None:
     recording = recorded(rig, tmp_path, TASK)
     stood, held = scenes_of(recording)
-    assert stood.title == "Motions 1, 2; around: post, beam, ball"
-    assert held.title == "Motion 3; around: post, beam, ball on claw_support"
+    assert stood.title == "Motions 1, 2; bodies in the world: post, beam, ball"
+    assert held.title == "Motion 3; bodies in the world: post, beam, ball on claw_support"
     assert POSES < len(stood.motion.poses) < 2 * POSES  # the second motion has a few frames only
     assert len(held.motion.poses) == POSES
     post, beam, ball = middles(stood.motion.bodies)

@@ -35,7 +35,7 @@ def test_the_example_of_the_page(tmp_path: Path) -> None:
     result = plan("right", "--world", str(file), "-o", str(tmp_path / "plan.png"))
     assert result.exit_code == 0, result.exception
     assert "Path      around an obstacle" in result.output
-    assert "Around    post, ball on claw_support" in result.output
+    assert "Bodies    post, ball on claw_support" in result.output
 
 
 def test_the_keys_of_the_page() -> None:

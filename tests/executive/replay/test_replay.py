@@ -47,7 +47,7 @@ def test_verify_of_another_file_exits_with_3(tmp_path: Path, picked: Path) -> No
     status, out, _ = finish(tmp_path, "replay", str(picked.parent), "--verify")
     assert status == 3
     assert "is not an MCAP file" in out
-    assert "1 of 2 recordings hold" in out
+    assert "1 of 2 recordings are verified" in out
 
 
 def test_the_worst_of_many_is_the_exit_status(tmp_path: Path, picked: Path) -> None:
@@ -63,7 +63,7 @@ def test_the_worst_of_many_is_the_exit_status(tmp_path: Path, picked: Path) -> N
     status, out, _ = finish(tmp_path, *verify)
     assert status == 12
     assert [line.split() for line in out.splitlines()[-4:]] == [
-        ["1", "of", "4", "recordings", "hold;", "the", "others:"],
+        ["1", "of", "4", "recordings", "are", "verified;", "the", "others:"],
         [str(folder / "a.mcap"), "log.unreadable"],
         [str(folder / "b.mcap"), "log.truncated"],
         [str(folder / "z.mcap"), "replay.differs"],
@@ -87,7 +87,7 @@ def test_reading_a_cut_file_is_reported(tmp_path: Path, picked: Path) -> None:
         assert "cut off or damaged" in err
     status, out, err = finish(tmp_path, "log", "info", path)
     assert (status, err) == (10, "")
-    assert "cut off or damaged: armtree log recover" in out
+    assert "cut off or damaged; type: armtree log recover" in out
     with pytest.warns(UserWarning, match="cut off or damaged"):
         assert len(logs.table(picked, "/joint_states")["joint_1"]) == 31
 
@@ -114,7 +114,7 @@ def test_a_file_of_another_program_is_not_drawn(tmp_path: Path, picked: Path) ->
 def test_a_full_disk_is_no_internal_error_and_a_figure_goes_to_a_pipe(
     tmp_path: Path, picked: Path
 ) -> None:
-    full = "Error: /dev/full: the disk is full; make room, then try again [file]\n"
+    full = "Error: /dev/full: the disk is full; delete files, then try again [file]\n"
     assert finish(tmp_path, "log", "plot", str(picked), "-o", "/dev/full") == (3, "", full)
     status, out, _ = finish(tmp_path, "log", "diff", str(picked), str(picked), "-o", "/dev/full")
     assert (status, "/dev/full" in out) == (3, False)
@@ -294,7 +294,7 @@ def test_a_recording_that_is_being_written_is_not_called_damaged(
         assert "being written" in finish(tmp_path, "log", "show", str(path))[2]
         status, out, _ = finish(tmp_path, "replay", str(tmp_path), str(picked), "--verify")
         assert status == 0
-        assert out.splitlines()[-1] == "1 of 1 recordings hold, 1 still being written"
+        assert out.splitlines()[-1] == "1 of 1 recordings are verified, 1 still being written"
         assert "is being written by another armtree" in out
         assert "recover" not in out
         status, out, _ = finish(tmp_path, "replay", str(path), "--verify")
@@ -347,7 +347,7 @@ def test_pinned_recordings_outlive_the_rule(
     assert not picked.exists()
     assert "set keep_days or keep_mb" in finish(tmp_path, "log", "prune", folder)[2]
     nowhere = ["log", "prune", str(tmp_path / "recodings"), "--days", "1"]
-    assert "there are no recordings here" in finish(tmp_path, *nowhere)[2]
+    assert "there are no recordings in this folder" in finish(tmp_path, *nowhere)[2]
 
 
 @pytest.mark.parametrize("value", ["-1", "nan", "inf"])

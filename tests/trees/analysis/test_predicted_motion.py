@@ -95,9 +95,9 @@ def planned(folder: Path, *steps: str, above: str = "") -> list[str]:
 @pytest.mark.usefixtures("undrawn")
 def test_plan_goes_round_what_the_task_puts_there(tmp_path: Path) -> None:
     first, second = planned(tmp_path, COME, TALL, GO)
-    assert "Around" not in first
+    assert "Bodies" not in first
     assert "Path      around an obstacle" in second
-    assert "Around    tall" in second
+    assert "Bodies    tall" in second
     assert "Left out" not in first + second
 
 
@@ -106,12 +106,12 @@ def test_plan_shows_a_round_again_only_where_it_differs(tmp_path: Path) -> None:
     same = f"{{repeat: {{sequence: [{COME}, {GO}]}}, times: 3}}"
     assert len(planned(tmp_path, same)) == 2
     left_out = (
-        "Not seen  x/repeat: 2 of its 3 rounds have the targets of earlier ones and are left out"
+        "Unplanned x/repeat: 2 of its 3 rounds have the targets of earlier ones and are left out"
     )
     assert left_out in all_said(tmp_path, same)
     differs = f"{{repeat: {{sequence: [{COME}, {GO}, {{{TALL}}}]}}, times: 3}}"
     reported = planned(tmp_path, differs)
-    assert ["Around    tall" in motion for motion in reported] == [False, False, True, True]
+    assert ["Bodies    tall" in motion for motion in reported] == [False, False, True, True]
 
 
 def goals(reported: list[str]) -> list[float]:
@@ -144,7 +144,7 @@ def test_plan_tells_all_of_a_task_that_carries(tmp_path: Path) -> None:
     reported = planned(tmp_path, TALL, BALL, HOLD, TURN)
     assert goals(reported) == [-80]
     assert "Path      around an obstacle" in reported[0]
-    assert "Around    tall, ball on claw_support\n" in reported[0]
+    assert "Bodies    tall, ball on claw_support\n" in reported[0]
 
 
 def test_plan_names_what_a_task_spells_out_wrong(tmp_path: Path) -> None:
@@ -180,8 +180,8 @@ def test_the_rounds_of_a_long_loop_are_left_out(
 ) -> None:
     monkeypatch.setattr(predicted_motion, "ROUNDS", 2)
     said = all_said(tmp_path, f"{{repeat: {{sequence: [{FURTHER}]}}, times: 5}}", FURTHER)
-    assert "Not seen  x/repeat: its rounds after number 3 are left out" in said
-    assert "Not seen  x/move_relative" in said
+    assert "Unplanned x/repeat: its rounds after number 3 are left out" in said
+    assert "Unplanned x/move_relative" in said
 
 
 def test_plan_says_why_it_foresees_nothing(tmp_path: Path) -> None:
@@ -227,8 +227,8 @@ def test_a_distance_out_of_limits_is_a_note_if_only_the_start_pose_is_known(
 
 def test_plan_takes_along_what_the_task_holds(tmp_path: Path) -> None:
     first, second = planned(tmp_path, BALL, LEFT, HOLD, GO)
-    assert "Around    ball\n" in first
-    assert "Around    ball on claw_support\n" in second
+    assert "Bodies    ball\n" in first
+    assert "Bodies    ball on claw_support\n" in second
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -260,8 +260,8 @@ def test_plan_says_what_it_leaves_out(
 ) -> None:
     reported = planned(tmp_path, *steps, above=above)[-1]
     assert "Path      straight" in reported
-    assert f"Left out  {names}: their place is known only in a run" in reported
-    assert f"Around    {names}" not in reported
+    assert f"Left out  {names}: bodies whose pose is known only in a run" in reported
+    assert f"Bodies    {names}" not in reported
 
 
 CUBE = "AddBox: {body: cube, size: [6 cm, 6 cm, 6 cm], position: [0, 0.1, 0.16]}"  # round the hand
@@ -302,15 +302,15 @@ def test_a_plan_follows_points_for_the_tool_and_on_the_way(tmp_path: Path) -> No
     goals = re.findall("Goal      joint_1 (.*), joint_2", said)
     assert goals == ["-71.145 deg", "-80.214 deg", "0 deg"]
     assert "Path      through 1 point" in said
-    assert "Not seen" not in said
+    assert "Unplanned" not in said
     assert "Start" not in said
 
 
 @pytest.mark.usefixtures("undrawn")
 def test_a_plan_names_the_moves_that_it_leaves_out(tmp_path: Path) -> None:
     said = all_said(tmp_path, GO, FAR, TURN, COME, COME)
-    assert "Not seen  x/move_tool/Target: The tool cannot reach (1000.0, 50.0, 80.0) mm" in said
-    assert "Not seen  x/move_joints/Target: its start or target is known only during a run" in said
+    assert "Unplanned x/move_tool/Target: The tool cannot reach (1000.0, 50.0, 80.0) mm" in said
+    assert "Unplanned x/move_joints/Target: its start or target is known only during a run" in said
     start = "Start     assumed to be joint_1 -80.214 deg, joint_2 -34.377 deg, "
     start += "joint_3 -4.0107 deg"
     assert said.count("Start     ") == 1

@@ -1,4 +1,4 @@
-"""The joints of an arm as rows of text: angle, place between the limits, and target."""
+"""The joints of an arm as rows of text: position, and a bar between the limits with the target."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -25,17 +25,17 @@ def joint_rows(
 ) -> list[Text]:
     """Return the rows of the joints of an arm.
 
-    If there are more joints than rows, the joints have several columns and no bars. Moving joints
-    come first. The last place has the number of joints that do not fit.
+    If there are more joints than rows, the joints are in several columns. If they still do not fit,
+    moving joints come first, and the last cell has the number of joints that are left out.
 
     Args:
-        where: The arm. A joint that it does not have gets no bar.
+        where: State of the arm, with its units and limits. A joint without a unit gets no bar.
         positions: Commanded position by joint [rad].
         targets: Position at the end of the motion by joint [rad].
         width: Columns of the terminal.
         most: Largest number of rows, at least 1.
-        measured: Measured position by joint [rad]; None or empty if not measured. If given, words
-            mark both the measured and the commanded positions.
+        measured: Measured position by joint [rad]; None or empty if not measured. If given, the
+            words `commanded` and `measured` mark the positions.
     """
     if not positions:
         return []
@@ -103,6 +103,7 @@ class _Cell:
 
 
 def _columns(texts: Sequence[Text], columns: int) -> list[Text]:
+    """Return rows of texts, with this number of texts in each row."""
     width = max(text.cell_len for text in texts)
     rows = []
     for start in range(0, len(texts), columns):

@@ -35,7 +35,7 @@ _BAR = 30  # largest number of columns of the progress bar
 
 
 class LiveView(View):
-    """Draws the running goal on the alternate screen. Then prints its end on the normal one.
+    """Draws the running goal on the alternate screen. Then prints its end on the normal screen.
 
     It leaves the alternate screen while the operator types an answer.
 
@@ -54,8 +54,8 @@ class LiveView(View):
         self._screen: FullScreen | None = None
         self._state = RunState()
         self._ahead = -float("inf")  # offset of the clock of the events [s]
-        self._last = ""  # the last text
-        self._said: list[str] = []  # open while the alternate screen is shown
+        self._last = ""  # text below the picture
+        self._said: list[str] = []  # texts to print after the alternate screen
         self._running = self._asks = False
 
     def show(self, item: Item) -> None:
@@ -155,7 +155,7 @@ class Picture:
 
     Attributes:
         state: The run.
-        now: The moment, on the clock of its events [s].
+        now: The moment, on the clock of the events [s].
         joints: True to draw the joints.
     """
 
@@ -164,7 +164,7 @@ class Picture:
     joints: bool = True
 
     def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
-        """Yield its rows: at most the height of the options, or one row less than the console."""
+        """Yield the rows of the picture, at most `options.height`, else the console's rows - 1."""
         state, width = self.state, options.max_width
         rows = max(3, options.height or console.height - 1) - 2
         for_joints = max(1, rows // 3, rows - max(1, len(state.nodes)))

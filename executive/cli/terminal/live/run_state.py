@@ -14,14 +14,14 @@ class RunState:
     """The state of a run at one moment. Times are on the clock of the events [s].
 
     Attributes:
-        where: The arm before the run: its joints, and the boot time of its board.
+        where: State of the arm before the run: its joints, and the boot time of its board.
         goal_id: Identity of the goal.
         title: Number and name of the task.
-        has_nodes: False for a move, whose nodes are not shown: its outcome describes them.
+        has_nodes: False for a move. Its nodes are not shown, because its outcome describes them.
         arm: State of the arm's lifecycle.
         activated: Start of the activation; None if the arm is not activating.
-        began: Start of the goal; None before.
-        ended: End of the goal; None before.
+        began: Start of the goal; None before the start.
+        ended: End of the goal; None before the end.
         percentage: Share of executed frames [%]; None if unknown.
         phase: Phase of the goal.
         nodes: The nodes of the tree by path, parents first.
@@ -115,12 +115,12 @@ class RunState:
         self._finish()
 
     def _finish(self) -> None:
-        """Set the positions to the end of the motion, which the last frame also encodes."""
+        """After the last frame, set the positions to the end of the motion."""
         if self._sent == len(self._due):
             self.positions = self.targets
 
     def stopped(self, outcome: Outcome) -> str:
-        """Return the pose at the stop of a failed goal; empty if it sent no frame."""
+        """Return a line with the pose in which a failed goal stopped; empty if it sent no frame."""
         if outcome.success or not outcome.frames or not self.positions:
             return ""
         sent, due = self._sent, len(self._due)

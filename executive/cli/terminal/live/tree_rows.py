@@ -11,9 +11,9 @@ _AT_WORK = ("RUNNING", logs.HALTED)
 _ALL = 1 << 30
 _COUNTS = {"SUCCESS": "done", "FAILURE": "failed", logs.HALTED: "stopped", "INVALID": "to come"}
 
-# Degrees of folding, from none to most: number of levels shown below an inactive node, and of
-# siblings shown on each side of an active one. With -1, even the count of hidden siblings is left
-# out.
+# Degrees of folding, from none to most. Each has the number of levels shown below a node that is
+# not at work, and the number of siblings shown on each side of a node at work. With -1, even the
+# count of hidden siblings is left out.
 _FOLDS = (
     (_ALL, _ALL),
     (2, _ALL),
@@ -27,11 +27,11 @@ class Row:
     """A row of the drawn tree.
 
     Attributes:
-        guide: Lines that lead to the node.
+        guide: Lines of the drawn tree before the node, such as `│   └── `.
         status: Status of the node, `HALTED` if it was stopped; empty for a row of hidden nodes.
         name: Name of the node, or words for hidden nodes.
-        message: Its feedback message, or the number of nodes folded below it.
-        at_work: True if it runs, was stopped, or failed together with the node above.
+        message: Feedback message of the node, and the number of hidden nodes below the node.
+        at_work: True if the node runs or was stopped, or if its failure failed its parent.
     """
 
     guide: str
@@ -48,15 +48,15 @@ class _Branch:
     at_work: bool = False
 
     def size(self) -> int:
-        """Return the number of nodes below this one."""
+        """Return the number of nodes below this node."""
         return len(self.children) + sum(child.size() for child in self.children)
 
 
 def tree_rows(nodes: Mapping[str, logs.NodeStatus], most: int) -> list[Row]:
     """Return the rows of a tree.
 
-    A tree with too many rows is folded: first nodes that are not at work, then their siblings. If
-    this is not enough, only the rows around the running node remain.
+    A tree with too many rows is folded: first below nodes that are not at work, then among the
+    siblings of nodes at work. If this is not enough, only rows around a node at work remain.
 
     Args:
         nodes: The nodes by path, parents first.
@@ -103,9 +103,9 @@ def _rows(
         branch: The branch.
         depth: Levels to show below a node that is not at work.
         near: Siblings to show on each side of a node at work.
-        first: Guide of its first row.
+        first: Guide of the first row of the branch.
         rest: Guide of the rows below.
-        place: Number of the child in its parent, if the siblings are not drawn.
+        place: Text such as `2 of 5` if the siblings are not drawn, else empty.
         left: Number of levels to show below the branch.
     """
     node = branch.node
@@ -139,9 +139,9 @@ def _place(child: _Branch, children: Sequence[_Branch]) -> str:
 
 
 def _parts(children: Sequence[_Branch], near: int) -> Iterator[_Branch | str]:
-    """Yield the children near active ones, with a summary for each gap.
+    """Yield the children near children at work, with a text for the hidden children in each gap.
 
-    If `near` is negative, yield only the active children, or the last child that started.
+    If `near` is negative, yield only the children at work, or the last child that started.
     """
     at_work = [k for k, child in enumerate(children) if child.at_work]
     started = [k for k, child in enumerate(children) if child.node.status != "INVALID"]
@@ -161,7 +161,7 @@ def _parts(children: Sequence[_Branch], near: int) -> Iterator[_Branch | str]:
 
 
 def _hidden(branches: Sequence[_Branch]) -> Iterator[_Branch | str]:
-    """Yield a summary of hidden siblings. A single sibling is not hidden."""
+    """Yield a text with the numbers of hidden siblings. A single sibling is not hidden."""
     if len(branches) == 1:
         yield branches[0]
     elif branches:
@@ -170,7 +170,7 @@ def _hidden(branches: Sequence[_Branch]) -> Iterator[_Branch | str]:
 
 
 def _window(rows: Sequence[Row], most: int) -> list[Row]:
-    """Return the rows around the last active row."""
+    """Return the rows around the last row at work, and the numbers of other rows."""
     middle = max(k for k, row in enumerate(rows) if row.at_work)
     if most < 4:
         return list(rows[middle : middle + 1])

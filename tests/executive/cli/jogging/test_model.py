@@ -108,12 +108,12 @@ def test_only_the_last_key_of_a_move_counts() -> None:
     assert (action, "1 key waits: base by +2 deg" in drawn(jog)) == (None, True)
     jog, action = pressed(jog, RIGHT, "2", LEFT)
     assert action is None
-    assert "1 key waits: lift by -2 mm; 2 keys not taken" in drawn(jog)
+    assert "1 key waits: lift by -2 mm; 2 keys ignored" in drawn(jog)
     jog, action = jog.ended("", failed=False)
     assert action == Go(Move(("lift=-2mm",), relative=True), "lift by -2 mm")
     assert not any("not taken" in line for line in drawn(jog))
     jog, _ = pressed(jog, LEFT, LEFT)
-    assert "1 key waits: lift by -2 mm; 1 key not taken" in drawn(jog)
+    assert "1 key waits: lift by -2 mm; 1 key ignored" in drawn(jog)
     jog, action = jog.ended("", failed=False)[0].ended("", failed=False)
     assert (jog.moving, action) == (None, None)
     assert not any("not taken" in line for line in drawn(jog))
@@ -145,14 +145,14 @@ def test_a_name_is_typed_for_a_command() -> None:
 def test_a_space_during_a_move_stops_and_is_not_typed() -> None:
     jog, action = pressed(begun(), RIGHT, "s", "a", " ")
     assert (action, jog.typed) == (Stop(), "a")
-    assert "Stopping; the space was not typed; Escape leaves" in drawn(jog)
+    assert "Stopping; the space is not in the text; Escape ends the text" in drawn(jog)
 
 
 def test_a_text_that_is_wrong_can_be_corrected() -> None:
     jog, action = pressed(begun(), "s", "a", " ", "b", ENTER)
     assert action == Call("s", "a b")
     jog = jog.refused(action, "a b cannot be a name")
-    assert ("a b cannot be a name; Escape leaves", True) in [*jog.lines(WHERE, 80, 24, "")]
+    assert ("a b cannot be a name; Escape ends the text", True) in [*jog.lines(WHERE, 80, 24, "")]
     left, _ = pressed(jog, ESCAPE)
     assert (left.message, left.prompt) == ("", "")
     assert pressed(jog, DELETE, DELETE, ENTER)[1] == Call("s", "a")
@@ -180,9 +180,9 @@ def test_a_prompt_opens_during_a_move_and_its_command_follows_the_move() -> None
     assert (action, jog.selected, jog.waiting and jog.waiting.words) == (None, 0, "base by -2 deg")
     assert "Name: o1h_" in drawn(jog)
     jog, action = pressed(jog, ENTER, RIGHT)
-    shown = "1 key waits: base by -2 deg; at the end of the move: save pose o1h; 1 key not taken"
+    shown = "1 key waits: base by -2 deg; at the end of the move: save pose o1h; 1 key ignored"
     assert (action, shown in drawn(jog, 100)) == (None, True)
-    assert "save pose o1h comes first" in drawn(jog.press("s")[0])
+    assert "first, wait for: save pose o1h" in drawn(jog.press("s")[0])
     jog, action = jog.ended("", failed=False)
     assert isinstance(action, Go)
     assert jog.ended("", failed=False)[1] == Call("s", "o1h")

@@ -40,7 +40,7 @@ def test_only_a_child_process_can_end_or_go_elsewhere() -> None:
         [sys.executable, "-c", PROGRAM], cwd=ROOT, capture_output=True, check=False
     )
     end = "would end armtree without a result; raise an exception"
-    leave = "would take armtree away from its files; give whole paths instead"
+    leave = "would change the folder of armtree's relative paths; use absolute paths instead"
     assert run.stdout.decode().splitlines() == [
         *(f"os.{name} {end}" for name in ("_exit", "_exit", "execv", "execv", "execve")),
         *(f"os.{name} {leave}" for name in ("chdir", "fchdir")),

@@ -33,7 +33,7 @@ def test_a_run_on_the_arm_of_a_server_offers_to_send(serve: Serve, tmp_path: Pat
     assert refusal("11", *trees) == (
         f"{held}; give armtree send 11 --wait --set x=1 --server {url}; {own}"
     )
-    without = f"{held}, but not this task; end it, or serve this task: {url}; {own}"
+    without = f"{held}, but not this task; end it, or make it serve this task: {url}; {own}"
     assert refusal("99", *trees) == refusal("11", "--trees", str(mine)) == without
     assert refusal("11", *trees, "--port", "virtual") == ""
     assert refusal("1", "--robot", "so101") == ""
