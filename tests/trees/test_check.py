@@ -130,7 +130,7 @@ WRONG = [
     ),
     (
         "{sequence: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}, {Say: {text: b}}]}",
-        "$a is written again, but nothing reads the value from line 4",
+        "$a is written again, but no node reads the value that line 4 writes",
     ),
     (
         "{parallel: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}]}",
@@ -275,7 +275,7 @@ def test_files_that_are_no_tasks(robot: Robot, tmp_path: Path, name: str) -> Non
 
 def test_of_a_folder_all_files_are_checked(robot: Robot, tmp_path: Path) -> None:
     (mistake,) = check(robot, None, [tmp_path]).mistakes
-    assert mistake.message == "is a folder without files of tasks"
+    assert mistake.message == "is a folder without task files"
     (tmp_path / robot.name).mkdir()
     for path in (tmp_path / "3_x.yaml", tmp_path / robot.name / "4_y.yaml"):
         path.write_text("a: 1\n")
@@ -301,7 +301,7 @@ def test_a_pose_of_ones_own(robot: Robot, tmp_path: Path) -> None:
     poses = tmp_path / "poses.yaml"
     poses.write_text("poses: {left: {joint_1: 40 deg}, open: {joint_4: -0.2}}\n")
     (mistake,) = check(robot, None, [poses]).mistakes
-    assert "pose open ships" in mistake.message
+    assert "pose open is shipped" in mistake.message
     poses.write_text(poses.read_text() + "replaces: [open]\n")
     task = tree("{subtree: move_joints, with: {joints: left}}")
     assert found(robot, tmp_path, task) == []

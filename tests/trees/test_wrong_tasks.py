@@ -57,7 +57,7 @@ WRONG = [
      "-17.189 deg contradicts joint_4 = -17.189 deg; it follows, as -1 times joint_4: leave "
      "joint_5 out", "      with: {arm: upright, gripper: {joint_4: -0.3}}"),
     ("arm: upright", "arm: open", "7:19 the arm has joint_1, joint_2, joint_3, not "
-     "joint_4; saved poses of it are upright, right, folded", f"      {REACH}"),
+     "joint_4; saved poses that fit are upright, right, folded", f"      {REACH}"),
     ("subtree: reach", "subtree: trees/reach.yaml", "6:16 no subtree trees/reach.yaml; write its "
      "name, without its folder: reach", "    - subtree: reach"),
     ("subtree: reach", "subtree: [reach]", "6:16 subtree: write the name without brackets",
@@ -112,10 +112,12 @@ NODES = [
      "right: …}", ""),
     ("Compare: {left: 1, is: =, right: 2}", "10:30 Compare.is: '=' is not one of !=, <, <=, ==, >, "
      ">=; did you mean ==?", '    - Compare: {left: 1, is: "==", right: 2}'),
-    ("{subtree: Wait, with: {duration: 2 s}}", "10:7 Wait is a skill, not a subtree: write Wait",
+    ("{subtree: Wait, with: {duration: 2 s}}", "10:7 Wait is a skill, not a "
+     "subtree: write Wait without subtree:",
      ""),
     ("subtree: Wait\n      with: {duration: 2 s}",
-     "10:7 Wait is a skill, not a subtree: write Wait", "    - Wait: {duration: 2 s}"),
+     "10:7 Wait is a skill, not a "
+     "subtree: write Wait without subtree:", "    - Wait: {duration: 2 s}"),
     ("Wait: {duration: 2 seconds}", "10:24 Wait.duration: '2 seconds': no unit seconds; there are "
      "h, min, ms, s; did you mean 2 s?", "    - Wait: {duration: 2 s}"),
     ("wait: {duration: 2 s}", "10:7 no skill wait; did you mean Wait?",
@@ -128,13 +130,13 @@ NODES = [
      "      after: 1 s",
      "13:7 timeout fails after 1 s; as planned from the boot pose, its child takes 1.7 s; write "
      "a time above 1.71 s", "      after: 3 s"),
-    ("Attach: {body: cube, link: claw_support}", "10:22 no node before this adds a body cube: "
-     "add it above, such as with AddBox: {body: cube, "
-     "position: [12 cm, 10 cm, 2 cm], size: [4 cm, 4 cm, 4 cm]}, with its own numbers; "
+    ("Attach: {body: cube, link: claw_support}", "10:22 no node before this one adds the body "
+     "cube: add it above, such as with AddBox: {body: cube, "
+     "position: [12 cm, 10 cm, 2 cm], size: [4 cm, 4 cm, 4 cm]}, with the numbers of your body; "
      "or with AddSphere, AddCylinder",
      "    - AddBox: {body: cube, position: [12 cm, 10 cm, 2 cm], size: [4 cm, 4 cm, 4 cm]}"),
     (f"{DICE}\n    - Detach: {{body: dice}}", "11:7 dice is attached to no link; attach it "
-     "before this, such as with Attach: {body: dice, link: claw_support}, or leave this node out",
+     "above, such as with Attach: {body: dice, link: claw_support}, or leave this node out",
      "    - Attach: {body: dice, link: claw_support}"),
     ("AddBox: {body: b, size: [10, 10, 10], position: [20 cm, 0, 0]}", "10:31 AddBox: size 10 m "
      "is far beyond the reach of this arm, 0.26 m; did you mean [10 mm, 10 mm, 10 mm]?",
@@ -237,7 +239,7 @@ SLIPS_OF_NODES = [
     ("retry:\n        subtree: open_gripper", "10:7 retry needs attempts: largest number of "
      "attempts; write it below, in the column of retry", "      attempts: 3"),
     ("repeat:\n        times: 3\n        subtree: open_gripper",
-     "11:9 times belongs to repeat: write it beside repeat",
+     "11:9 times belongs to repeat: write it at the level of repeat",
      "    - repeat:\n        subtree: open_gripper\n      times: 3"),
     ("sequence:", "10:7 sequence needs a list of nodes: begin each with a `-`, below sequence:",
      ""),
@@ -254,11 +256,11 @@ SLIPS_OF_NODES = [
      '    - selector:\n        - inverter: {Compare: {left: 1, is: "==", right: 1}}\n'
      "        - Succeed"),
     ("CheckBounds: {arm: upright, gripper: open, goal: $goal}\n    - PlanArm: {goal: $goal}",
-     "11:7 PlanArm needs start: position of every actuated joint [rad]; SetStart before it can "
-     "write it: start: $start", ""),
+     "11:7 PlanArm needs start: position of every actuated joint [rad]; SetStart can write it "
+     "above: start: $start", ""),
     ("Target: {start: $s, joints: {joint_1: 0}, goal: $g}", "10:23 nothing has written $s when "
-     "Target.start reads it; a node before it must write it, such as SetStart, or a parameter or "
-     "port must have this name", ""),
+     "Target.start reads it; write the key in an earlier node, such as SetStart, or declare a "
+     "parameter or port of this name", ""),
 ]  # fmt: skip
 
 
@@ -503,7 +505,8 @@ def test_subtrees_that_use_each_other_are_reported_once(robot: Robot, tmp_path: 
     (mistake,) = check(robot, tmp_path).mistakes
     assert (mistake.place.path.name, mistake.place.line) == ("bb.yaml", 5)
     assert mistake.message == (
-        "aa would contain itself: aa -> bb (aa.yaml:5) -> aa (bb.yaml:5); leave one of them out"
+        "aa would contain itself: aa -> bb (aa.yaml:5) -> aa (bb.yaml:5); leave one of these "
+        "uses out"
     )
 
 
@@ -548,5 +551,7 @@ def test_a_loop_that_lets_no_task_succeed_is_a_note(robot: Robot, tmp_path: Path
     found = check(robot, None, [tmp_path / "20_m.yaml"])
     (note,) = found.notes
     assert not found.mistakes
-    assert note.message == "without times, repeat runs until its child fails: this never succeeds"
+    assert note.message == (
+        "without times, repeat runs until its child fails: the task never succeeds"
+    )
     assert _text(note) == "      times: 3"

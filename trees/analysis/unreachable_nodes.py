@@ -20,15 +20,15 @@ from trees.nodes.kind import Node, PossibleOutcomes
 from trees.reading.foreign_loops import EXAMPLES
 from trees.reading.lines import added_below
 
-_ROOM = 1.5  # suggested time / least time
+_ROOM = 1.5  # ratio of the suggested time to the least time
 
 
 @dataclass
 class _Times:
-    """Times of skills.
+    """Times of skills that the analysis assumes.
 
     Attributes:
-        of: Times of skills [s], in addition to `Skill.min_duration`.
+        of: Times by skill [s]. The analysis uses `Skill.min_duration` if it is longer.
         start: Name of the pose from which the motions are planned; empty for least times.
         notes: Receives a note for each child whose planned time is too long.
     """
@@ -43,7 +43,7 @@ def check_outcomes(tree: CompiledTree, times: Mapping[Behaviour, float] | None =
 
     Args:
         tree: The tree.
-        times: Least times of skills [s], in addition to `Skill.min_duration`.
+        times: Least times by skill [s]. The analysis uses `Skill.min_duration` if it is longer.
     """
     root = _Node(tree, tree.root, _Times(times or {}), False)
     endless = [node for node in root.inside() if node.is_endless()]
@@ -58,7 +58,7 @@ def slow_children(
 
     Args:
         tree: The tree.
-        times: Planned times of skills [s], in addition to `Skill.min_duration`.
+        times: Planned times by skill [s]. The analysis uses `Skill.min_duration` if it is longer.
         start: Name of the pose from which the motions are planned.
     """
     planned = _Times(times, start)
@@ -102,14 +102,14 @@ def _longer(place: Place, option: str, shortest: float) -> Correction | None:
 
 
 class _Node:
-    """A node, with the interface `trees.nodes.kind.Node` that its kind uses.
+    """Implements `trees.nodes.kind.Node` for one node of a compiled tree.
 
     Args:
         tree: The tree.
         behaviour: The node.
         times: Times of skills.
         halted: True if a node above may halt it before it ends.
-        used: True to report the root of a subtree where the subtree is used.
+        used: True to report mistakes of the root of a subtree at the use of the subtree.
     """
 
     def __init__(
@@ -130,28 +130,28 @@ class _Node:
         self._place = place or tree.places[behaviour]
 
     def below(self) -> Sequence["_Node"]:
-        """Return its children."""
+        """Return the children of the node."""
         children = self.behaviour.children
         return [_Node(self.tree, child, self.times, self.halted, True) for child in children]
 
     def moves(self) -> bool:
-        """Return True if a skill in it moves the arm."""
+        """Return True if a skill in the node moves the arm."""
         return any(leaf.skill.moves for leaf in self._leaves())
 
     def action(self) -> str:
-        """Return the name of its first skill that is not a condition, or ""."""
+        """Return the name of the first skill in the node that is not a condition, or ""."""
         acting = (leaf.skill for leaf in self._leaves() if not leaf.skill.condition)
         return next((skill.name for skill in acting), "")
 
     def lasting(self) -> Iterator[Node]:
-        """Return the nodes in it that may take longer than one tick."""
+        """Yield the nodes that may take several ticks: this node, and nodes below it."""
         for below in self.behaviour.iterate():
             control = self.tree.controls.get(below)
             if control and control.kind.lasts(control.options):
                 yield _Node(self.tree, below, self.times, self.halted)
 
     def is_constant(self) -> bool:
-        """Return True if its result depends only on values that are known before the run."""
+        """Return True if the result depends only on values that are known before the run."""
         leaves = list(self._leaves())
         return bool(leaves) and all(
             leaf.skill.pure and self.tree.stand_ins >= set(leaf.keys.values()) for leaf in leaves
@@ -178,32 +178,33 @@ class _Node:
                 following.report(why, right)
 
     def inside(self) -> Iterator["_Node"]:
-        """Return the nodes in it."""
+        """Yield the node, and all nodes below it."""
         for each in self.behaviour.iterate():
             yield _Node(self.tree, each, self.times, self.halted)
 
     @property
     def limit(self) -> str:
-        """The option that limits its rounds, such as `times`; empty if it has none."""
+        """Option that limits the rounds of the node, such as `times`; empty if there is none."""
         return self.control.kind.limit if self.control else ""
 
     def is_endless(self) -> bool:
-        """Return True if it lacks the option that limits it."""
+        """Return True if the node is a loop without a limit of its rounds."""
         return bool(self.limit) and self.options[self.limit] is None
 
     def without_limit(self) -> Mistake:
         """Return the note of a loop without a limit, in a task that cannot succeed."""
-        why = f"without {self.limit}, {self.name} runs until its child fails: this never succeeds"
+        why = f"without {self.limit}, {self.name} runs until its child fails: "
+        why += "the task never succeeds"
         return Mistake(self._place, why, self.with_option(self.limit))
 
     def with_option(self, option: str) -> Correction | None:
-        """Return the line that adds an option to it."""
+        """Return the line that adds an option to the node."""
         kind = self.control.kind if self.control else None
         value = EXAMPLES.get(kind.options[option].type, "…") if kind else ""
         return added_below(self.tree.places[self.behaviour], f"{option}: {value}")
 
     def wrong(self, message: str, option: str = "", missing: str = "", kind: str = "") -> None:
-        """Report a mistake of the node, of one of its options, or of one that it lacks."""
+        """Report a mistake of the node, or of a wrong or missing option."""
         right = self.with_option(missing) if missing else None
         if kind and self.control:
             right = self.tree.places[self.behaviour].replaced(self.control.kind.name, kind)
@@ -211,7 +212,7 @@ class _Node:
 
     def report(self, message: str, instead: Correction | None, option: str = "") -> None:
         """Report a mistake with the correct lines."""
-        if not self.times.start:  # with planned times, it was reported before
+        if not self.times.start:  # with planned times, the mistake was reported before
             self.tree.mistakes.add_also(self._place_of(option), message, instead)
 
     def too_slow(self, option: str, shortest: float) -> None:

@@ -18,8 +18,8 @@ class Leaf:
         place: Its place in a file.
         namespace: Namespace of its keys.
         keys: Full names of keys, by port.
-        inputs: Literal values by port. An unknown part is a StandIn.
-        written: The same values as in the file.
+        inputs: Converted literal values by port. An unknown part is a StandIn.
+        written: The same values as they are in the file, by port.
     """
 
     skill: Skill
@@ -48,7 +48,7 @@ class Leaf:
 
     @property
     def target_place(self) -> Place:
-        """Place of its first joint positions; its own place if it has no joint positions."""
+        """Place of the first joint positions; place of the skill if it has no joint positions."""
         targets = (
             value.place
             for port, value in self.written.items()

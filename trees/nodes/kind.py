@@ -61,19 +61,19 @@ class Node(Protocol):
     halted: bool
 
     def below(self) -> Sequence["Node"]:
-        """Return its children."""
+        """Return the children of the node."""
 
     def moves(self) -> bool:
-        """Return True if a skill in it moves the arm."""
+        """Return True if a skill in the node moves the arm."""
 
     def action(self) -> str:
-        """Return the name of its first skill that is not a condition, or ""."""
+        """Return the name of the first skill in the node that is not a condition, or ""."""
 
     def lasting(self) -> Iterator["Node"]:
-        """Return the nodes in it that may take longer than one tick."""
+        """Yield the nodes that may take several ticks: this node, and nodes below it."""
 
     def is_constant(self) -> bool:
-        """Return True if its result depends only on values that are known before the run."""
+        """Return True if the result depends only on values that are known before the run."""
 
     def child(self, number: int, halted: bool) -> PossibleOutcomes:
         """Return the possible outcomes of a child that may be halted, or is never halted."""
@@ -94,9 +94,9 @@ class Node(Protocol):
 
         Args:
             message: The mistake.
-            option: The wrong option; empty for the whole node.
-            missing: An option that the node lacks; empty for none.
-            kind: Kind of control node that it should be; empty for its own.
+            option: The wrong option; empty if the whole node is wrong.
+            missing: An option that the node lacks; empty if it lacks none.
+            kind: Correct kind of control node; empty if the kind is not wrong.
         """
 
     def too_slow(self, option: str, shortest: float) -> None:

@@ -151,7 +151,7 @@ class Library:
 
     def _add(self, folder: Path, name: str) -> None:
         if saved := AS_TEXT.fullmatch(name):
-            why = f"is not read, because its name ends in .txt; rename it {saved[1]}"
+            why = f"is not read, because its name ends in .txt; rename it to {saved[1]}"
             self.notes.append(Mistake(Place(folder / name), why))
         if name.startswith(".") or not name.lower().endswith((".yaml", ".yml")):
             return

@@ -263,7 +263,7 @@ class NodeParser:
         around = {key: each for key, each in nested(inner).items() if key not in ("ID", "name")}
         if len(around) == 1 and any(map(holds_nodes, around)):
             right = replaced_block(place, key_block(next(iter(around.values())).label) or [skill])
-            self._wrong(place, f"no node {skill}; leave it out, but not the node below it", right)
+            self._wrong(place, f"no node {skill}; leave it out, but keep the node below it", right)
             return self.node(replace(inner, value=around))
         if isinstance(inner.value, list) and self._are_nodes(skill, inner.value):
             lists = [name for name, kind in kinds().items() if kind.many]
@@ -327,7 +327,8 @@ class NodeParser:
             elif row > 0 and len(key_block(value.label)) == 1:
                 kept = [*lines[:row], *lines[row + 1 :]]
                 right = replaced_block(place, [*kept, f"{key}: {value.as_yaml()}"])
-            self._wrong(value.label, f"{key} belongs to {kind}: write it beside {kind}", right)
+            why = f"{key} belongs to {kind}: write it at the level of {kind}"
+            self._wrong(value.label, why, right)
         return made if lost else keys
 
     def _children(self, kind: str, inner: Located) -> tuple[TreeNode, ...]:
