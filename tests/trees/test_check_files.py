@@ -86,8 +86,8 @@ OWN_FILES = [
         "poses: {opne: {joint_4: 0}}\nreplaces: [open]\n",
         "2:1 replaces: this file has no pose open; there is only opne",
     ),
-    ("3_x.YAML", HEAD, "the name of a file of tasks ends in .yaml"),
-    ("look.yml", HEAD, "the name of a file of tasks ends in .yaml"),
+    ("3_x.YAML", HEAD, "the name of a task file must end in .yaml"),
+    ("look.yml", HEAD, "the name of a task file must end in .yaml"),
     (
         "look.yaml",
         "subtree: look\ndescription: x\nports: {a: {type: text, output: true}}\n"

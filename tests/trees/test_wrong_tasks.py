@@ -94,14 +94,14 @@ NODES = [
      '    - Say: {text: "5"}'),
     ("Say: {text: true}", '10:19 Say.text: true is not a text; did you mean "true"?',
      '    - Say: {text: "true"}'),
-    ("subtree: [open_gripper, close_gripper]", "10:16 a node runs one subtree; write one for each, "
-     "below sequence:",
+    ("subtree: [open_gripper, close_gripper]", "10:16 a node runs one subtree; write one node for "
+     "each, below sequence:",
      "    - sequence:\n        - {subtree: open_gripper}\n        - {subtree: close_gripper}"),
-    ("subtree: open_gripper\n      guard: true", "11:7 guard has its node below it, not beside, "
-     "and needs while: the condition",
+    ("subtree: open_gripper\n      guard: true", "11:7 write the child of guard below guard, "
+     "and the condition after while:",
      "    - guard:\n        subtree: open_gripper\n      while: CheckHardware"),
-    ("guard: {subtree: open_gripper}\n      while: true", "11:14 guard needs while: the condition, "
-     "not true", "      while: CheckHardware"),
+    ("guard: {subtree: open_gripper}\n      while: true", "11:14 guard needs the key while "
+     "with a condition, not true", "      while: CheckHardware"),
     ("guard: true\n      while: CheckHardware", "10:14 a node is a skill, a subtree, or a control "
      "node such as sequence, not true", "    - guard: Succeed"),
     ("reach", "10:7 no skill reach, but a subtree reach: write subtree: reach, with: {arm: …, "
@@ -177,7 +177,7 @@ SLIPS = [
     ("task: 20", "Task: 20", "1:1 unknown key Task; there are description, grammar, name, "
      "parameters, replaces, retry, task, tree; did you mean task?", "task: 20"),
     ("joint_1: 20 deg", "joint_1: 20 deg, joint_1: 30 deg", "9:40 the key joint_1 is given twice, "
-     "first in line 9, column 23; remove one", ""),
+     "first in line 9, column 23; remove one key", ""),
     ("- subtree: move", "\u2013 subtree: move", "8:5 write the plain dash -",
      "    - subtree: move_joints"),
     ("  sequence:", "  // all moves\n  sequence:", "5:3 a comment begins with #, not with //",
@@ -223,8 +223,8 @@ SLIPS_OF_NODES = [
      "    - task: 1"),
     ("Say: [hello, world]", "10:7 Say takes no list of nodes; these do: sequence, selector, "
      "parallel", ""),
-    ("while: CheckHardware\n      subtree: open_gripper", "10:7 guard has its node below it, and "
-     "while in a line of its own",
+    ("while: CheckHardware\n      subtree: open_gripper", "10:7 write the child of guard below "
+     "guard, and while in its own line",
      "    - guard:\n        subtree: open_gripper\n      while: CheckHardware"),
     ("Wait: {within: 2 s}", "10:14 within is not a port of Wait; there is only duration",
      "    - Wait: {duration: 2 s}"),
@@ -244,11 +244,11 @@ SLIPS_OF_NODES = [
     ("sequence:", "10:7 sequence needs a list of nodes: begin each with a `-`, below sequence:",
      ""),
     ("if: CheckHardware\n      then: {subtree: open_gripper}", "10:7 there is no if: a selector "
-     "runs its nodes until one succeeds; begin it with the inverted condition",
+     "runs its nodes until one succeeds; begin the selector with the inverted condition",
      "    - selector:\n        - inverter: CheckHardware\n        - {subtree: open_gripper}"),
     ("if: CheckHardware\n      then: {subtree: open_gripper}\n      else: [Succeed]",
-     "10:7 there is no if: a selector runs its nodes until one succeeds; begin it with the "
-     "sequence of one case, which begins with the condition",
+     "10:7 there is no if: a selector runs its nodes until one succeeds; begin the selector "
+     "with the sequence of one case, which begins with the condition",
      "    - selector:\n        - sequence:\n            - CheckHardware\n            - {subtree: "
      "open_gripper}\n        - sequence:\n            - inverter: CheckHardware\n            - "
      "Succeed"),
@@ -395,7 +395,8 @@ SWING = [
      "parameters: {swing: angle}"),
     ("parameters: {swing: {type: degrees, default: 40 deg}}", "4:28 parameters: swing: no type "
      "degrees; there are number, integer, boolean, text, angle, duration, length, positions, and "
-     "a list of one; did you mean angle?", "parameters: {swing: {type: angle, default: 40 deg}}"),
+     "a list of one of these; did you mean angle?",
+     "parameters: {swing: {type: angle, default: 40 deg}}"),
     ("parameters: {$swing: {type: angle, default: 40 deg}}", "4:14 parameters: '$swing' is not a "
      "name (a letter, then letters, digits, _ or -); did you mean swing?",
      "parameters: {swing: {type: angle, default: 40 deg}}"),
@@ -459,7 +460,7 @@ def test_what_is_to_be_written_instead_removes_the_mistake(
 def _words(mistake: Mistake) -> tuple[str, str]:
     """Return the message of a mistake, without folders and the numbers of further lines."""
     return mistake.place.path.name, re.sub(
-        r"\S+/|; the same in .*|, first in .*", "", mistake.message
+        r"\S+/|; the same mistake is in .*|, first in .*", "", mistake.message
     )
 
 

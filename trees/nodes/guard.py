@@ -72,7 +72,7 @@ class GuardKind(ControlNodeKind):
     condition = "while"
     synonyms = ("when",)
     keywords = {
-        "do": "there is no do: a guard runs its node while a condition holds; write guard: for do:"
+        "do": "there is no do: a guard runs its node while a condition holds; write guard:, not do:"
     }
     may_halt = True
 
@@ -83,15 +83,15 @@ class GuardKind(ControlNodeKind):
         return Guard(name, children, context, _pauses(options), options["every"])
 
     def lasts(self, options: Options) -> bool:
-        """Return True if it may take several ticks."""
+        """Return True if the node may take several ticks."""
         return _pauses(options)
 
     def check(self, node: Node) -> None:
         """Report a condition that may take several ticks."""
         for below in node.below()[1].lasting():
             below.wrong(
-                f"{below.name} may take several ticks, but the condition of while must end in one. "
-                "The guard already repeats it"
+                f"{below.name} may take several ticks, but the condition of while must end in one "
+                "tick. The guard already repeats it"
             )
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:

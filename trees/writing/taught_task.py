@@ -36,8 +36,8 @@ class Step:
     """One step of a task.
 
     Attributes:
-        words: The step, for people.
-        nodes: Its nodes, as text of the file.
+        words: Description of the step, for people.
+        nodes: Texts of the nodes of the step in the file.
         positions: Position of every joint after the step [rad], [m]; empty for a wait.
     """
 
