@@ -40,7 +40,7 @@ from .reading.lines import added_above, block
 from .reading.literals import in_other_unit, in_radians, in_smaller_units, near_limit
 
 # Role of a file in its library: the number of a task, the name of a subtree, None for poses, or the
-# error of its name.
+# error of a file without a role.
 Named = int | str | None | FileError
 
 
@@ -250,7 +250,7 @@ def _jobs(
             folder = file.parent if parent == _real(file).parent else file.parent.parent
             library = Library(folder, robot)
             libraries[parent] = {_real(path): (library, name) for path, name in library.files()}
-        library = next(iter(libraries[parent].values()))[0]  # there are always shipped subtrees
+        library = next(iter(libraries[parent].values()))[0]  # some subtrees are shipped
         named = [m for m in library.mistakes if _real(m.place.path) == _real(file)]
         if _real(file) in libraries[parent]:
             yield file, *libraries[parent][_real(file)]
@@ -302,14 +302,14 @@ class _Checker:
         return tree.mistakes.found
 
     def _poses(self, file: PosesFile) -> list[Mistake]:
-        """Return mistakes of all poses, used or unused."""
+        """Return the mistakes of all poses in a file, used or unused."""
         robot, wrong = self._context.robot, []
         for name, joints in file.poses.items():
             place = file.labels[name].label
             known = Positions((j, q) for j, q in joints.items() if not isinstance(q, StandIn))
             label = file.labels[name]
             if wrong_units(label, robot, _ignore):
-                continue  # reported for every tree
+                continue  # the compiler reports these for every tree
             if errors := joint_errors(robot, known):
                 wrong += [self._refused(label, known, why) for why in errors]
                 continue

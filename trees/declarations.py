@@ -39,7 +39,7 @@ class Declaration:
         most: Largest value, in the first unit of the type.
         choices: Allowed values; empty if all are allowed.
         count: Number of items of a list; 0 for any number.
-        relative: True if joint positions are changes by a distance. A pose is then wrong.
+        relative: True if the value changes joint positions by distances. Poses are then wrong.
         output: True for a key that is written, False for a value that is read.
         description: Description, in one line.
     """

@@ -127,13 +127,13 @@ class Mistake:
 
 
 def _cut(words: str) -> str:
-    """Return a message without its middle if it is long."""
+    """Return a message in printable characters. A long message loses its middle."""
     whole = len(words) <= _BEGIN + _END
     return _printable(words if whole else f"{words[:_BEGIN]} … {words[-_END:]}")
 
 
 def _printable(words: str) -> str:
-    """Replace control characters, because a message may quote text of a client."""
+    """Replace control characters by `?`, because a message may quote text of a client."""
     return "".join(c if c.isprintable() else "?" for c in words)
 
 
@@ -170,7 +170,7 @@ class Mistakes:
         self._reported.add(_where(place))
 
     def extend(self, place: Place, words: str) -> bool:
-        """Append words to the first mistake without a correction at a place. Return True if any."""
+        """Append words to a mistake without a correction at a place. Return True if it exists."""
         for row, each in enumerate(self.found):
             if _where(each.place) == _where(place) and each.instead is None:
                 self.found[row] = replace(each, message=f"{each.message}; {words}")
@@ -226,7 +226,7 @@ class FileError(TreeError):
 
 
 class PoseUnknown(FileError):
-    """No file has a pose of that name."""
+    """No pose of the user has that name."""
 
     code = "file.no_pose"
     http_status = 404

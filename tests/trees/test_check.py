@@ -96,7 +96,7 @@ WRONG = [
     ("{retry: CheckHardware, attempt: 3}", "did you mean attempts?"),
     ("{parallel: [Succeed], policy: al}", "'al' is not one of all, any; did you mean all?"),
     ("{sequence: [Succeed], memory: off}", "'off' is not true or false"),
-    ("{guard: Succeed}", "guard needs while: the condition"),
+    ("{guard: Succeed}", "guard needs the key while with a condition"),
     ("{guard: Succeed, while: {Wait: {duration: 1}}}", "Wait acts, and cannot be a condition"),
     (
         "{guard: Succeed, while: {selector: [CheckHardware, {retry: CheckHardware, attempts: 2}]}}",

@@ -137,7 +137,7 @@ def predict_motions(
         carry: Callback that fixes a body to another link. It may raise a MotionError.
         start: Configuration before the task [rad]; None if unknown.
         world: World before the task.
-        hooks: Calls the code of skills. Default: the hooks of the tree.
+        hooks: Caller of the hooks of skills. Default: that of the tree.
         reach: Callback that returns joint positions for a point of the tool. It may raise a
             MotionError. If None, targets that are given as points are unknown.
         duration: Callback that returns the time of a skill for a motion [s]. Default: the least
@@ -178,7 +178,7 @@ class _State:
         return replace(self, world=World(rest), unsure=self.unsure - gone)
 
     def lost(self) -> "_State":
-        """Return the state without known configuration and known keys."""
+        """Return the state with an unknown configuration of the arm and no known keys."""
         return replace(self, pose=None, keys={})
 
     def unsure_of(self, names: Iterable[str]) -> "_State":
@@ -291,7 +291,7 @@ class _Walk:
         return now
 
     def _written(self, leaf: Leaf, now: _State) -> _State:
-        """Return the state with the configuration that a skill writes."""
+        """Return the state after a skill has written its outputs to the blackboard."""
         outputs = {leaf.keys[port] for port in type(leaf.skill).output_ports() if port in leaf.keys}
         keys = {key: value for key, value in now.keys.items() if key not in outputs}
         key = leaf.keys.get(type(leaf.skill).pose_output)
@@ -300,7 +300,7 @@ class _Walk:
         return replace(now, keys=keys)
 
     def _reached(self, leaf: Leaf, inputs: Mapping[str, Any], now: _State) -> _State:
-        """Return the state with the joint target for a known point of the tool."""
+        """Return the state with the joint positions for a known point of the tool."""
         query = self._reach and self._hooks.tool_query(leaf, self._robot, inputs)
         if not self._reach or not query:
             return now
@@ -334,7 +334,7 @@ class _Walk:
         return Mistake(point.place, str(error), instead)
 
     def _pass(self, leaf: Leaf, inputs: Mapping[str, Any]) -> None:
-        """Add the waypoints and the speed of a skill to the last motion, if the skill plans it."""
+        """Add waypoints and speed of a skill to the last motion, if the skill plans this motion."""
         goal, motions = tuple(inputs.get("goal", {}).values()), self.found.motions
         if goal and motions and motions[-1].pose == goal:
             last, speed = motions[-1], inputs.get("speed")
@@ -394,7 +394,7 @@ class _Walk:
 
 
 def _place_of_point(leaf: Leaf) -> Place:
-    """Return the place of the point of the tool; the place of the skill if it is not written."""
+    """Return the place of the tool's point; the place of the skill if it has no point."""
     return leaf.written["point"].place if "point" in leaf.written else leaf.place
 
 

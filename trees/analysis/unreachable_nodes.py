@@ -67,7 +67,7 @@ def slow_children(
 
 
 def _outcomes(node: "_Node") -> PossibleOutcomes:
-    """Return the possible outcomes of a node, and report mistakes in it."""
+    """Return the possible outcomes of a node. Report mistakes of the node and nodes below it."""
     tree, behaviour = node.tree, node.behaviour
     if control := node.control:
         if control.kind.only_asks or control.kind.condition:
@@ -108,7 +108,7 @@ class _Node:
         tree: The tree.
         behaviour: The node.
         times: Times of skills.
-        halted: True if a node above may halt it before it ends.
+        halted: True if a node above may halt this node before it ends.
         used: True to report mistakes of the root of a subtree at the use of the subtree.
     """
 

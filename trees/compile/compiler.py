@@ -72,7 +72,7 @@ class CompiledTree:
         controls: Kinds and options of the nodes that have children.
         places: Places of the nodes in the files.
         calls: Places that use subtrees and other tasks, by the root node of each.
-        hooks: Calls the hooks of its skills, and records refused inputs and wrong nodes.
+        hooks: Caller of the hooks of its skills. It records refused inputs and wrong nodes.
         unread: Keys that a node writes and no node reads.
         stand_ins: Full names of parameters and ports without a value before the run.
     """
@@ -95,7 +95,7 @@ class TreeCompiler:
 
     Args:
         draft: The readable part of the file, and its mistakes.
-        library: Files of subtrees, poses and other tasks.
+        library: Library with subtrees, poses and other tasks.
         context: Context of the skills.
         namespace: Namespace of its keys.
     """
@@ -326,7 +326,7 @@ class TreeCompiler:
         return None
 
     def _cycle(self, label: str, way: Mapping[str, Place]) -> None:
-        """Report files that use each other, always at the same place."""
+        """Report files that use each other. The place does not depend on the first file."""
         names = list(way)[list(way).index(label) :]
         first = names.index(min(names))
         cycle = [*names[first:], *names[: first + 1]]

@@ -113,7 +113,7 @@ class Keys:
 
 
 def _common_type(kinds: list[str]) -> str:
-    """Return the type of a key that has one of several types."""
+    """Return a type that accepts several types; else the types, joined with `_OR`."""
     one = next((kind for kind in kinds if all(type_fits(other, kind) for other in kinds)), "")
     return one or _OR.join(sorted({kind for each in kinds for kind in each.split(_OR)}))
 

@@ -65,7 +65,7 @@ def _is_partial(value: Any) -> bool:
 
 
 def _part(value: Any) -> Any:
-    """Return the known part of a value, or None."""
+    """Return the known part of a value; None if no part is known."""
     if isinstance(value, list):
         return [_part(item) for item in value]
     if not isinstance(value, Positions):

@@ -62,12 +62,12 @@ def _paired(pair: Sequence[Located], robot: Robot) -> dict[str, Located]:
 def joints_by_name(
     spec: SubtreeNode, source: TaskFile, what: str, robot: Robot, wrong: Callable[..., None]
 ) -> Mapping[str, Value]:
-    """Report names of joints at one port and their positions at another one.
+    """Report names of joints at one port and their positions at another port.
 
     Args:
         spec: Use of a subtree.
         source: The subtree.
-        what: The subtree in words.
+        what: Name of the subtree in messages.
         robot: The robot.
         wrong: Receives place, message and correction of the mistake.
 

@@ -1,4 +1,4 @@
-"""Names of ports in files: misspelt and unknown ones, and ports in the wrong place."""
+"""Names of ports in files: misspelt and unknown names, and ports in the wrong place."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
@@ -21,7 +21,7 @@ _OTHER_NAMES = {
     "position": {"pose", "xyz", "center", "location"},
     "size": {"dimensions", "scale"},
 }
-_OTHER_MEANING = {"diameter"}  # it fits the port `radius`, but would be half as large there
+_OTHER_MEANING = {"diameter"}  # fits the port `radius`, but its value is twice as large
 
 
 def known_ports(

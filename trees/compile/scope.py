@@ -25,7 +25,7 @@ class Scope:
         file: The file.
         namespace: Namespace of its keys.
         ports: Values of its ports or parameters.
-        within: Places of the uses of the file and of the files around it, by their names.
+        within: Places that use this file and the files around it, by name of the used file.
         stand_ins: Placeholders for parameters of the task, and for ports without a value, by full
             name of the key.
     """

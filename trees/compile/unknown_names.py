@@ -19,7 +19,7 @@ from trees.reading.specs import SkillNode, SubtreeNode, Value
 from .move_words import as_positions, is_width
 from .values_by_port import as_mapping, fits
 
-TO_POSE, TO_POINT = "move_joints", "move_tool"  # shipped subtrees that move
+TO_POSE, TO_POINT = "move_joints", "move_tool"  # shipped subtrees that move the arm
 # Shipped subtrees, by the names of such motions in the languages of other robots.
 _OTHER_NAMES = {
     **dict.fromkeys(("movej", "moveabsj", "ptp"), TO_POSE),
@@ -36,7 +36,7 @@ def meant(
 ) -> str:
     """Return the likely skill, kind of node or subtree for an unknown name; empty if unclear."""
     value, subtrees = spec.ports.get(""), library.subtrees()
-    begun, poses = _begun(spec.skill, subtrees), {*poses}  # of an unreadable file, no pose is known
+    begun, poses = _begun(spec.skill, subtrees), {*poses}  # empty if a file of poses is unreadable
     if spec.skill in poses and not spec.ports and TO_POSE in subtrees and not begun:
         return TO_POSE
     text = value.value if isinstance(value, Located) else None

@@ -20,7 +20,7 @@ class Guard(Composite):
         name: Name of the node.
         children: The node to run, and the condition.
         context: Source of time and of ticks.
-        pause: Reaction to a false condition: True to wait until it holds, False to fail.
+        pause: Reaction to a false condition: True to wait until the condition holds, False to fail.
         every: Period in which the condition is checked [s].
     """
 

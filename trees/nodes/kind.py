@@ -100,7 +100,7 @@ class Node(Protocol):
         """
 
     def too_slow(self, option: str, shortest: float) -> None:
-        """Report that its child takes longer than the time of an option.
+        """Report that the child of the node takes longer than the time of an option.
 
         Args:
             option: The option.
@@ -247,7 +247,7 @@ def duration(description: str, default: float | None = None, least: float = 0.0)
 
 
 def count(description: str, optional: bool = False) -> Declaration:
-    """Declare an option that is a number of times."""
+    """Declare an option that is a count, from 1 to 1,000,000."""
     return Declaration(
         "integer", optional=optional, least=1, most=1_000_000, description=description
     )

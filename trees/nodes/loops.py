@@ -264,7 +264,7 @@ def share_of_rounds(node: Behaviour, share: float | None) -> float | None:
 
     Args:
         node: The node.
-        share: Its progress in this round, from 0 to 1; None if it is not known.
+        share: Progress of the node in this round, from 0 to 1; None if it is unknown.
     """
     above = node.parent
     while above is not None:

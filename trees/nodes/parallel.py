@@ -53,7 +53,7 @@ class Join(Composite):
 
 
 class Race(Join):
-    """Succeeds with the first child that succeeds, and halts the others. Fails if all fail."""
+    """Succeeds when a child succeeds, and halts the other children. Fails if all children fail."""
 
     def decide(self, statuses: set[Status]) -> None:
         """Set the status from the statuses of the children."""

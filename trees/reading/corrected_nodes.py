@@ -46,7 +46,7 @@ def node_instead(value: Located, in_turn: str) -> Correction | None:
 
 
 def apart(keys: Mapping[str, Located]) -> list[dict[str, Located]]:
-    """Split a mapping with several nodes into one mapping per node. `with` stays at its file."""
+    """Split a mapping with several nodes into one mapping per node. `with` stays at its subtree."""
     nodes = list[dict[str, Located]]()
     for key, each in keys.items():
         files = [node for node in nodes if node.keys() & FILES.keys()]

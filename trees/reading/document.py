@@ -58,7 +58,7 @@ class StandIn:
     __repr__ = __str__
 
 
-# Placeholder for a wrong value, so that the other values of its mapping can be checked.
+# Placeholder for a wrong value. The other values of its mapping can then be checked.
 REFUSED = StandIn("", "any")
 
 

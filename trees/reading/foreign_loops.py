@@ -95,7 +95,7 @@ def _loop_words(given: Mapping[str, Located]) -> Iterator[tuple[str, "ControlNod
 def _read(
     place: Place, given: Mapping[str, Located], word: str, kind: "ControlNodeKind"
 ) -> ForeignLoop | None:
-    """Return the loop that a word means, or None if it means none."""
+    """Return the loop that a word means, or None."""
     head, rest = _counted(given[word]), {key: each for key, each in given.items() if key != word}
     if word in kind.synonyms:
         head, counted = _without_option(in_unit_of_key(word, head), kind)
@@ -141,7 +141,7 @@ def _read(
 
 
 def _counted(head: Located) -> Located:
-    """Return the number of rounds of a text such as `range(3)`. In mappings, write `do`."""
+    """Return the rounds of a text such as `range(3)`. In a mapping, name the child's key `do`."""
     if nested(head):
         return replace(head, value={**_with_do(nested(head))})
     found = _RANGE.fullmatch(head.value) if isinstance(head.value, str) else None

@@ -296,7 +296,7 @@ class _Parser:
     def _with_tree(
         self, values: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
-        """Report nodes outside the key `tree`, or poses outside `poses`. Move them to the key."""
+        """Report nodes outside the key `tree`, or poses outside `poses`. Move them below it."""
         head = "poses" if "poses" in known else "tree"
         likely = corrections(values, known)
 
@@ -495,7 +495,7 @@ class _Parser:
         )
 
     def _type(self, value: Located, what: str, opaque: bool, likely: str = "") -> str:
-        """Return a type. If `opaque` is True, accept types that only skills can write, as Plan.
+        """Return a type. If `opaque`, accept types that only skills can write, such as Plan.
 
         A message suggests the type `likely` if it is not empty.
         """
@@ -574,7 +574,7 @@ def _in_node(key: str, value: Located, likely: Mapping[str, str]) -> bool:
 
 
 def _listed_kind(key: str, value: Located) -> str:
-    """Return the kind of control node that a key above a list means; empty if it means none."""
+    """Return the kind of control node that a key above a list means, or ""."""
     return synonyms().get(key, "") if isinstance(value.value, list) else ""
 
 

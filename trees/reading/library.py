@@ -97,7 +97,7 @@ class Library:
 
     Args:
         folder: Folder of the user's files; None for only the shipped ones.
-        robot: Name of the robot. Default: the default robot.
+        robot: Name of the robot. Default: arduinobot.
         read: Callback that returns the text of a file.
 
     Attributes:
@@ -136,7 +136,7 @@ class Library:
         self._poses: list[Path] = []
         # Error of a number or name that several files have.
         self._claimed: dict[int | str, FileError] = {}
-        # Number or name of each file if an earlier file has the same.
+        # Number or name of each file whose number or name an earlier file has.
         self._seconds: dict[Path, int | str] = {}
         # The shipped file, by the user's file that replaces it.
         self._replaced: dict[Path, Path] = {}
@@ -207,7 +207,7 @@ class Library:
             raise
 
     def _free_file(self, number: str, name: str, text: str) -> str:
-        """Return a name for the file of a task. Add the key task if `number` is not free.
+        """Return a name for the file of a task, and the line of the key task if it must change.
 
         The name of the task is that in `text`, or else `name`.
         """
@@ -435,7 +435,7 @@ class Library:
 
 
 def poses_of(files: Iterable[PosesFile]) -> dict[str, Mapping[str, float]]:
-    """Return joint positions [rad] by name of the pose. Poses of later files come first."""
+    """Return joint positions [rad] by name of the pose. Later files replace earlier poses."""
     return {name: pose for file in files for name, pose in file.poses.items()}
 
 

@@ -408,7 +408,7 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
         if kind == "number" and (percent := re.fullmatch(rf"{_NUMBER} ?%", near)):
             near = f"{float(percent[1]) / 100:g}"
         amount = re.fullmatch(rf"{_NUMBER}( ?({'|'.join(UNITS.get(kind, ()))}))?", near)
-        _not(value, kind, near if amount else "", wrong)  # equal texts: a number in quotes
+        _not(value, kind, near if amount else "", wrong)  # equal texts are a number in quotes
         return None
     if finite and not math.isfinite(number):
         wrong(value.place, f"{value} is not finite")
@@ -588,7 +588,7 @@ def _changes(joints: Mapping[str, Located]) -> str:
 
 
 def _violation(fitted: Any, wanted: Declaration) -> str:
-    """Return the limit that a value violates, such as "is less than 0 s"; "" for a valid value."""
+    """Return how a value violates its declaration, such as "is less than 0 s"; or ""."""
     scale, unit = DISPLAY_UNITS.get(wanted.unit, (1.0, wanted.unit))
     if wanted.least is not None and fitted < wanted.least:
         return f"is less than {scale * wanted.least:g} {unit}".rstrip()

@@ -13,7 +13,7 @@ from hardware.spelling import closest
 
 from .node_words import begins_node
 
-Spot = tuple[int, int]  # index of a line, and of a character in it
+Spot = tuple[int, int]  # index of a line, and index of a character in this line
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Edit:
 
 
 def _edit(lines: tuple[str, ...], spot: Spot, why: str, text: str, kind: str = "") -> Edit:
-    """Return the edit that replaces the content of a line. Its kind is `why` by default."""
+    """Return the edit that replaces the content of a line. Default of `kind`: `why`."""
     return Edit(spot, kind or why, why, _with_content(lines, spot[0], text))
 
 
@@ -50,7 +50,7 @@ def edits_near(lines: tuple[str, ...], spots: Sequence[Spot], is_yaml: bool) -> 
     Args:
         lines: The text.
         spots: Places of the mistakes.
-        is_yaml: True if the text is YAML. It then has no open brackets.
+        is_yaml: True if the text is YAML. All brackets are then closed.
     """
     rows = dict[int, None]()
     for row, _ in spots:

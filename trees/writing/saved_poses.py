@@ -39,8 +39,8 @@ def save_pose(
         folder: Folder of the user's files. It is created if it does not exist.
         name: Name of the pose.
         positions: Joint positions by joint name [rad], [m].
-        replace: True to replace a pose of that name. A shipped pose is not changed: the key
-            `replaces` of the file then names it.
+        replace: True to replace a pose of that name. The shipped file is not changed: the
+            key `replaces` of the file of the user then names the pose.
 
     Returns:
         The file.
@@ -186,7 +186,7 @@ def _rewrite(path: Path, text: str, new: str, name: str) -> None:
 
 
 def _with_pose(text: str, name: str, value: str) -> str:
-    """Return the text of a file with a pose. A new pose follows the last one."""
+    """Return the text of a file with a pose. A new pose follows the last pose."""
     label, poses = _pair(text, "poses")
     assert isinstance(poses, CollectionNode)  # the draft has no mistakes
     for key, old in poses.value:

@@ -15,7 +15,7 @@ _SETTLED = 25  # number of samples without motion after which the gripper counts
 
 
 def simplify(robot: Robot, samples: Sequence[Sample], joints: Sequence[str]) -> list[Sample]:
-    """Return the fewest samples that keep the path within the tolerances, in order.
+    """Return a few samples that keep the path within the tolerances, in order.
 
     This is the algorithm of Douglas and Peucker. The sample furthest from the line between two
     waypoints becomes a waypoint, until no sample is too far. The first and last samples stay.
