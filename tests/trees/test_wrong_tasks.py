@@ -58,18 +58,18 @@ WRONG = [
      "joint_5 out", "      with: {arm: upright, gripper: {joint_4: -0.3}}"),
     ("arm: upright", "arm: open", "7:19 the arm has joint_1, joint_2, joint_3, not "
      "joint_4; saved poses that fit are upright, right, folded", f"      {REACH}"),
-    ("subtree: reach", "subtree: trees/reach.yaml", "6:16 no subtree trees/reach.yaml; write its "
-     "name, without its folder: reach", "    - subtree: reach"),
+    ("subtree: reach", "subtree: trees/reach.yaml", "6:16 no subtree trees/reach.yaml; write the "
+     "name without the folder: reach", "    - subtree: reach"),
     ("subtree: reach", "subtree: [reach]", "6:16 subtree: write the name without brackets",
      "    - subtree: reach"),
     (f"sequence:\n    - subtree: reach\n      {REACH}\n    - subtree: move_joints\n      {MOVE}",
      f"sequence: {{subtree: reach, {REACH}}}", "5:13 sequence needs a list of nodes, not {subtree: "
-     "reach, with: {arm: upright, gripper: open}}: begin each with a `-`, below sequence:",
+     "reach, with: {arm: upright, gripper: open}}: begin each node with a `-`, below sequence:",
      f"  sequence: [{{subtree: reach, {REACH}}}]"),
     (f"    - subtree: reach\n      {REACH}\n    - subtree: move_joints\n      {MOVE}",
      f"    first: {{subtree: move_joints, {MOVE}}}", "6:5 sequence needs a list of nodes, not "
-     "{first: {subtree: move_joints, with: {joints: {joint_1: 2...: begin each with a `-`, below "
-     "sequence:", f"    - {{subtree: move_joints, {MOVE}}}"),
+     "{first: {subtree: move_joints, with: {joints: {joint_1: 2...: begin each node with a `-`, "
+     "below sequence:", f"    - {{subtree: move_joints, {MOVE}}}"),
     (f"  sequence:\n    - subtree: reach\n      {REACH}\n    - subtree: move_joints\n      {MOVE}",
      f"  [{{subtree: reach, {REACH}}}]", "5:3 a list of nodes needs a node above it, such as "
      "sequence:", f"  sequence: [{{subtree: reach, {REACH}}}]"),
@@ -241,7 +241,8 @@ SLIPS_OF_NODES = [
     ("repeat:\n        times: 3\n        subtree: open_gripper",
      "11:9 times belongs to repeat: write it at the level of repeat",
      "    - repeat:\n        subtree: open_gripper\n      times: 3"),
-    ("sequence:", "10:7 sequence needs a list of nodes: begin each with a `-`, below sequence:",
+    ("sequence:", "10:7 sequence needs a list of nodes: begin each node with a `-`, "
+     "below sequence:",
      ""),
     ("if: CheckHardware\n      then: {subtree: open_gripper}", "10:7 there is no if: a selector "
      "runs its nodes until one succeeds; begin the selector with the inverted condition",

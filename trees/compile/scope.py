@@ -96,7 +96,7 @@ def _without_names(
         lines = value.place.replaced(name, f"${closest(name[1:], scope.file.parameters)}")
     if key in written:
         why = f"{inner} has no value before the run; a mapping or a list may contain values, and "
-        why += "parameters or ports that have one"
+        why += "parameters or ports that have a value"
     elif not near:
         more, lines = _undeclared(value.place, what, name, kind)
         why += more

@@ -274,7 +274,7 @@ def _is_made(made: object) -> bool:
 
 
 _ANY = _Wanted("anything", lambda _: True)
-_MADE = _Wanted("what super().__init__(name, context) makes", _is_made)
+_MADE = _Wanted("a skill that called super().__init__(name, context)", _is_made)
 _DURATION = _Wanted("a number", _is_duration)
 _TOOL_QUERY = _Wanted(
     "a ToolQuery or None", lambda query: query is None or isinstance(query, ToolQuery)

@@ -123,7 +123,7 @@ def _meant_subtree(source: str, values: Mapping[str, Value], library: Library) -
         return near, f"there are the subtrees {', '.join(begun)}{did_you_mean(near)}"
     there, stem = there_are(source, subtrees), re.split(r"[/\\]", source)[-1].removesuffix(".yaml")
     if stem in subtrees:
-        return stem, f"write its name, without its folder: {stem}"
+        return stem, f"write the name without the folder: {stem}"
     near = closest(source, subtrees)
     if near and (other := only_taker(values, library)) and other != near:
         return other, did_you_mean(other).removeprefix("; ")

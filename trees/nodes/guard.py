@@ -91,7 +91,7 @@ class GuardKind(ControlNodeKind):
         for below in node.below()[1].lasting():
             below.wrong(
                 f"{below.name} may take several ticks, but the condition of while must end in one "
-                "tick. The guard already repeats it"
+                "tick. The guard already repeats the check"
             )
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:

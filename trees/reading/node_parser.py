@@ -346,7 +346,7 @@ class NodeParser:
         if isinstance(inner.value, list) and inner.value:
             return self._items(inner.value)
         given = "" if inner.value is None or inner.value == [] else f", not {inner}"
-        why = f"{kind} needs a list of nodes{given}: begin each with a `-`, below {kind}:"
+        why = f"{kind} needs a list of nodes{given}: begin each node with a `-`, below {kind}:"
         parts, right = apart(nested(inner)), None
         unknown = not any(begins_node(key) for part in parts for key in part)
         nodes = [*map(_named_node, parts)]
