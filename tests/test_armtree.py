@@ -109,7 +109,7 @@ def test_an_example_is_found_or_its_folder_is_named(tmp_path: Path) -> None:
     with pytest.raises(armtree.UnknownTask) as no:
         Library().number("wave")
     assert str(no.value).endswith(
-        f". wave is an example: --trees {armtree.EXAMPLES} (in Python, trees=) has it"
+        f". wave is an example: add --trees {armtree.EXAMPLES} (in Python, trees=)"
     )
     assert Library(armtree.EXAMPLES).number("wave") == 3
 

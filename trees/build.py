@@ -1,4 +1,4 @@
-"""Builds a tree that can run from a task file: compiled, analysed and wired, but not ticked."""
+"""Builds a tree from a task file. The tree is compiled, analysed, wired and ready to run."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -29,8 +29,8 @@ class Tree:
 
     Attributes:
         root: Root of the tree.
-        skills: Its leaves, in the order of the file.
-        files: Texts of its source files, and of the whole task as one file, by name.
+        skills: All leaves of the tree, in the order of the file.
+        files: Texts of its source files and of the resolved task, by file name.
         namespace: Namespace of its keys on the blackboard.
     """
 
@@ -46,7 +46,7 @@ class Tree:
                 skill.stop(Status.INVALID)
 
     def discard(self) -> None:
-        """Remove its keys from the blackboard."""
+        """Remove the keys of the tree from the blackboard."""
         # Not `Client.unregister`: it fails if two ports of a skill have the same key.
         for key in [key for key in Blackboard.metadata if key.startswith(f"/{self.namespace}/")]:
             del Blackboard.metadata[key]
@@ -68,14 +68,14 @@ def build(
 
     Args:
         draft: The readable part of the task, and its mistakes.
-        library: Files of its subtrees.
+        library: Library with the subtrees and poses.
         context: Context of its skills.
         namespace: Namespace of its keys on the blackboard; a different one for every run.
         arguments: Values of its parameters.
         in_file: True if the task is in a file of the user. Messages then name places in the file.
 
     Raises:
-        FileError: The files have mistakes; it holds all of them.
+        FileError: The files have mistakes; the error has all of them.
         BadArguments: Only the arguments are wrong.
         SkillError: A skill refuses an input of the task, such as a target out of bounds.
     """
@@ -98,7 +98,7 @@ def build(
 def refusals(tree: CompiledTree, robot: Robot) -> list[RefusedInput]:
     """Let the skills validate their inputs, and return the refusals.
 
-    Skills that refuse an input are doubtful afterwards.
+    A skill that refuses an input is then in `tree.hooks.doubtful`.
     """
     for leaf in tree.leaves.values():
         tree.hooks.validate(leaf, robot)
@@ -112,7 +112,7 @@ def _cause(
     in_file: bool,
     arguments: Mapping[str, Located],
 ) -> Exception:
-    """Combine refusals into one error with the class and node of the first, and all messages."""
+    """Combine refusals into one error with all messages. See `combine_errors`."""
     for refusal in refused if in_file else ():
         place = refusal.place
         at = f"{place.path.name}:{place.line}:{place.column}"
@@ -128,7 +128,7 @@ def _cause(
 
 
 def _places(tree: CompiledTree, node: Behaviour) -> Iterator[str]:
-    """Yield the place of a node, and the places that refer to its subtree."""
+    """Yield file and line of a node, and of each use of a subtree around this node."""
     yield tree.places[node].file_line
     above: Behaviour | None = node
     while above:
@@ -138,7 +138,7 @@ def _places(tree: CompiledTree, node: Behaviour) -> Iterator[str]:
 
 
 def _wire(leaf: Leaf) -> None:
-    """Connect the ports of a skill to the blackboard."""
+    """Connect the ports of a skill to the blackboard, and write its literal inputs."""
     skill, namespace = leaf.skill, leaf.namespace
     constants = {port: f"{namespace}/{skill.id}/{port}" for port in leaf.inputs}
     skill.setup_ports({**constants, **leaf.keys}, namespace)

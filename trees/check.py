@@ -31,8 +31,8 @@ from .reading.library import AS_TEXT, Library, with_robot
 from .reading.lines import added_above, block
 from .reading.literals import in_other_unit, in_radians, in_smaller_units, near_limit
 
-# Role of a file in its library: the number of a task, the name of a subtree, None for poses, or an
-# error.
+# Role of a file in its library: the number of a task, the name of a subtree, None for poses, or the
+# error of a file without a role.
 Named = int | str | None | FileError
 
 
@@ -43,11 +43,11 @@ class Findings:
     Attributes:
         files: Files that were checked.
         mistakes: Mistakes, ordered by file and line.
-        notes: Warnings, ordered like the mistakes: ignored files; files that may be for another
-            robot; keys that nothing reads; long times without a unit; first motions that start
-            in collision; points out of reach; timeouts shorter than their motions. The last three
-            assume that the arm is in its start pose.
-        shipped: Number of the shipped files.
+        notes: Warnings, ordered like the mistakes, such as ignored files; files that may be for
+            another robot; keys that no node reads; long times without a unit; first motions that
+            start in collision; points out of reach; timeouts shorter than their motions. The last
+            three assume that the arm is in its start pose.
+        shipped: Number of shipped files in `files`.
     """
 
     files: list[Path] = field(default_factory=list)
@@ -62,7 +62,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
     Args:
         robot: The robot.
         folder: Folder of the user's files; None for only the shipped ones.
-        files: Files to check, and folders whose files to check; empty for all.
+        files: Files to check, and folders of files to check; empty for all files.
     """
     files = [path for file in files for path in _files(file, robot.name)]
     context = _context(robot)
@@ -110,7 +110,7 @@ def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Find
 def _for_other_robots(
     robot: Robot, library: Library, trees: Sequence[CompiledTree]
 ) -> Iterator[Mistake]:
-    """Yield a note for each file for all robots that names joints of another robot."""
+    """Yield a note for each file directly in the user's folder that names unknown joints."""
     known, strange = {*robot.groups, *(j.name for j in robot.joints)}, dict[Path, set[str]]()
     for refusal in (refusal for tree in trees for refusal in tree.hooks.refused):
         within = refusal.error.location[1:] if isinstance(refusal.error, BadTarget) else ()
@@ -118,16 +118,16 @@ def _for_other_robots(
             strange.setdefault(refusal.place.path, set()).add(str(within[-1]))
     for path, names in strange.items():
         if library.folder and path.parent == library.folder:
-            why = f"names joints that the {robot.name} lacks: {', '.join(sorted(names))}. If it is "
-            why += f"for another robot, move it to the subfolder of {path.parent} with the name "
-            yield Mistake(Place(path), why + "of that robot")
+            why = f"names joints that the {robot.name} lacks: {', '.join(sorted(names))}. If this "
+            why += f"file is for another robot, move it to the subfolder of {path.parent} with "
+            yield Mistake(Place(path), why + "the name of that robot")
 
 
 def _absent(
     place: Place, name: str, near: str, node: Place, trees: Sequence[CompiledTree]
 ) -> Mistake:
-    """Return the mistake of a node that uses a body before one is added."""
-    why = f"no node before this adds a body {name}"
+    """Return the mistake of a node that uses a body that no earlier node adds."""
+    why = f"no node before this one adds the body {name}"
     for tree in trees:
         for leaf in tree.leaves.values():
             body = tree.hooks.body(leaf)
@@ -140,14 +140,14 @@ def _absent(
 
 
 def _how_to_add(name: str) -> str:
-    """Return the skills that add a body, and the text of the first one."""
+    """Return advice for a missing body: a node that adds it, and other skills that can add it."""
     _, *others = _adding_skills()
     more = f"; or with {', '.join(others)}" if others else ""
-    return f": add it above, such as with {_adding(name)}, with its own numbers{more}"
+    return f": add it above, such as with {_adding(name)}, with the numbers of your body{more}"
 
 
 def _adding(name: str) -> str:
-    """Return a node that adds a body, with example numbers."""
+    """Return the text of a node that adds a body, with example numbers."""
     first, kind = next(iter(_adding_skills().items()))
     ports = {port: _example(each) for port, each in declarations(kind).items() if each.needed}
     written = ", ".join(f"{port}: {value}" for port, value in (ports | {"body": name}).items())
@@ -160,14 +160,14 @@ def _adding_skills() -> dict[str, type[Skill]]:
 
 
 def _example(declared: Declaration) -> str:
-    """Return an example value: of three lengths, only a size has a least value."""
+    """Return an example value. Among lists of three lengths, only a size has a least value."""
     if declared.type != "list of length":
         return "…"
     return "[12 cm, 10 cm, 2 cm]" if declared.least is None else "[4 cm, 4 cm, 4 cm]"
 
 
 def _names_body(library: Library, name: str, but: Path) -> bool:
-    """Return True if another file names a body. Bodies stay for the next task of a run."""
+    """Return True if a file other than `but` names a body. Bodies stay between tasks."""
     body = re.compile(rf"\bbody['\"]?\s*:\s*['\"]?{re.escape(name)}\b")
     for path, _ in library.files():
         with suppress(FileError):
@@ -187,10 +187,10 @@ def compile_task(
 
     Args:
         robot: The robot.
-        library: Files of the task.
+        library: Library with the file of the task.
         number: Number of the task.
-        arguments: Values of its parameters; None if unknown.
-        validated: True if its skills also validate their inputs.
+        arguments: Values of its parameters; None if they are unknown.
+        validated: True to let its skills validate their inputs, too.
 
     Raises:
         UnknownTask: No task has that number.
@@ -210,7 +210,7 @@ def compile_task(
 
 
 def _files(file: Path, robot: str) -> Sequence[Path]:
-    """Return the files of a folder for a robot; a file or an empty folder itself."""
+    """Return the files in a folder for a robot. If there are none, return the path itself."""
     folders = with_robot(file, robot) if file.is_dir() else ()
     return [path for folder in folders for path in sorted(folder.glob("*.yaml"))] or [file]
 
@@ -242,7 +242,7 @@ def _jobs(
             folder = file.parent.parent if own else file.parent
             library = Library(folder, robot)
             libraries[parent] = {_real(path): (library, name) for path, name in library.files()}
-        library = next(iter(libraries[parent].values()))[0]  # there are always shipped subtrees
+        library = next(iter(libraries[parent].values()))[0]  # some subtrees are shipped
         named = [m for m in library.mistakes if _real(m.place.path) == real]
         if real in libraries[parent]:
             yield file, *libraries[parent][real]
@@ -251,11 +251,11 @@ def _jobs(
         else:
             wrong = "does not exist; give a file, such as trees/3_wave.yaml"
             if file.exists():
-                wrong = "is not a task, subtree or poses file; name it as 3_wave.yaml or reach.yaml"
+                wrong = "is no task, subtree or poses file; name it like 3_wave.yaml or reach.yaml"
             if saved := AS_TEXT.fullmatch(file.name):
-                wrong = f"is not read, because its name ends in .txt; rename it {saved[1]}"
+                wrong = f"is not read, because its name ends in .txt; rename it to {saved[1]}"
             if file.is_dir():
-                wrong = "is a folder without files of tasks"
+                wrong = "is a folder without task files"
             yield file, library, FileError([Mistake(Place(file, 1, 1), wrong)])
 
 
@@ -294,14 +294,14 @@ class _Checker:
         return tree.mistakes.found
 
     def _poses(self, file: PosesFile) -> list[Mistake]:
-        """Return mistakes of all poses, used or unused."""
+        """Return the mistakes of all poses in a file, used or unused."""
         robot, wrong = self._context.robot, []
         for name, joints in file.poses.items():
             place = file.labels[name].label
             known = Positions((j, q) for j, q in joints.items() if not isinstance(q, StandIn))
             label = file.labels[name]
             if wrong_units(label, robot, _ignore):
-                continue  # reported for every tree
+                continue  # the compiler reports these for every tree
             if errors := joint_errors(robot, known):
                 wrong += [self._refused(label, known, why) for why in errors]
                 continue
@@ -315,7 +315,7 @@ class _Checker:
         return wrong
 
     def _refused(self, pose: Located, known: Positions, error: SkillError) -> Mistake:
-        """Return the mistake of a pose at the joint, with the unit that may be missing."""
+        """Return the mistake of a refused pose, at its joint. Suggests a likely unit or value."""
         location, robot = error.location, self._context.robot
         joint = str(location[-1]) if location else ""
         item = nested(pose).get(joint)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-# Units by type. A number without a unit is in the first one.
+# Units by type. A number without a unit is in the first unit.
 UNITS: Mapping[str, Mapping[str, float]] = {
     "angle": {"rad": 1.0, "deg": math.pi / 180},
     "duration": {"s": 1.0, "ms": 0.001, "min": 60.0, "h": 3600.0},
@@ -39,7 +39,7 @@ class Declaration:
         most: Largest value, in the first unit of the type.
         choices: Allowed values; empty if all are allowed.
         count: Number of items of a list; 0 for any number.
-        relative: True for positions that are distances. Poses are not accepted for them.
+        relative: True if the value changes joint positions by distances. Poses are then wrong.
         output: True for a key that is written, False for a value that is read.
         description: Description, in one line.
     """
@@ -62,18 +62,18 @@ class Declaration:
 
     @property
     def refuses_poses(self) -> bool:
-        """True if the name of a pose is no value of it, and no text either."""
+        """True if the name of a pose is always a wrong value, such as for a number."""
         return self.relative or self.type.removeprefix(LIST) in ("number", "integer", *UNITS)
 
     @property
     def unit(self) -> str:
-        """Unit of a number that is written without one; empty for types without units."""
+        """Unit of a number that is written without a unit; empty for types without units."""
         kind = self.type.removeprefix(LIST)
         return next(iter(UNITS.get("angle" if kind == "positions" else kind, {})), "")
 
     @property
     def limits(self) -> str:
-        """Limits and choices of a value, to write after its type; empty if there are none."""
+        """Limits and choices as text with a comma before each; empty if there are none."""
         ends = ("at least", self.least), ("at most", self.most)
         given = [f"{word} {end:g} {self.unit}".rstrip() for word, end in ends if end is not None]
         given += [f"one of {', '.join(self.choices)}"] if self.choices else []

@@ -10,12 +10,12 @@ from hardware import ArmtreeError
 from hardware.printable import excerpt, in_one_line
 from hardware.spelling import there_are, there_are_numbers
 
-SHIPPED_ROBOT = "arduinobot"  # name of the robot for the shipped tasks and examples
+SHIPPED_ROBOT = "arduinobot"  # default robot; the examples are for it
 EXAMPLES = Path(__file__).with_name("examples")  # folder with example tasks
 
 _SHOWN = 20  # largest number of mistakes in a message
-_BEGIN, _END = 600, 200  # characters at the start and end of a cut message
-_LINES = 8  # largest number of lines in a correction
+_BEGIN, _END = 600, 200  # characters that a cut message keeps at its start and at its end
+_LINES = 8  # largest number of lines of a correction in a message
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,7 +23,7 @@ class Correction:
     """Corrected lines of a file.
 
     Attributes:
-        text: The lines.
+        text: The new lines.
         line: First line to replace, from 1.
         count: Number of lines to replace; 0 to insert the text before `line`.
     """
@@ -71,12 +71,12 @@ class Place:
 
     @property
     def argument(self) -> str:
-        """Name of the argument, for a place in arguments."""
+        """First name in `location`: for a place in arguments, the name of the argument."""
         return re.split(r"[.[]", self.location)[0]
 
     @property
     def brackets(self) -> str:
-        """Text from the bracket at this place to its end; empty if it ends in another line."""
+        """Text from the opening to the closing bracket; empty if they are not in this line."""
         depth, line = 0, self.lines[self.line - 1] if 0 < self.line <= len(self.lines) else ""
         for column, sign in enumerate(line[self.column - 1 :], 1):
             depth += (sign in "{[") - (sign in "}]")
@@ -85,9 +85,9 @@ class Place:
         return ""
 
     def replaced(self, old: str, new: str) -> Correction | None:
-        """Return the line with an old text replaced by a new one; None if it is not here.
+        """Return the line with `new` in place of `old`; None if `old` is not at this place.
 
-        The old text may be in quotes.
+        In the file, `old` may be in quotes. The result is None if `old` or `new` is empty.
         """
         line = self.lines[self.line - 1] if 0 < self.line <= len(self.lines) else ""
         before, after = line[: self.column - 1], line[self.column - 1 :]
@@ -111,7 +111,7 @@ class Mistake:
 
     Attributes:
         place: Place of the mistake.
-        message: Words for the mistake, and advice.
+        message: What is wrong, and what to do.
         instead: The corrected lines; None if unknown.
     """
 
@@ -127,17 +127,19 @@ class Mistake:
 
 
 def _cut(words: str) -> str:
-    """Return a message without its middle if it is long."""
+    """Return a message in printable characters. A long message loses its middle."""
     whole = len(words) <= _BEGIN + _END
     return in_one_line(words if whole else f"{words[:_BEGIN]} … {words[-_END:]}")
 
 
 class Mistakes:
-    """Collects mistakes, at most one per place.
+    """Collects mistakes. Some methods close a place; `add` drops further mistakes at this place.
+
+    A mapping and its first key begin at the same line and column. They are two places, because
+    their locations in the document differ.
 
     Args:
-        known: Earlier mistakes. A mapping and its first key begin at the same line and column, but
-            their locations in the document differ.
+        known: Earlier mistakes. Their places are closed.
 
     Attributes:
         found: The mistakes.
@@ -149,17 +151,17 @@ class Mistakes:
         self._reported = {_where(mistake.place) for mistake in self.found}
 
     def add(self, place: Place, message: str, instead: Correction | None = None) -> None:
-        """Add a mistake, unless its place already has one."""
+        """Add a mistake, unless its place is closed."""
         if _where(place) not in self._reported:
             self.found.append(Mistake(place, message, instead))
 
     def add_last(self, place: Place, message: str, instead: Correction | None = None) -> None:
-        """Add a mistake. Later mistakes at the same place are dropped."""
+        """Add a mistake, unless its place is closed. Close its place."""
         self.add(place, message, instead)
         self._reported.add(_where(place))
 
     def extend(self, place: Place, words: str) -> bool:
-        """Add words to a mistake without a correction. Return False if its place has none."""
+        """Append words to a mistake without a correction at a place. Return True if it exists."""
         for row, each in enumerate(self.found):
             if _where(each.place) == _where(place) and each.instead is None:
                 self.found[row] = replace(each, message=f"{each.message}; {words}")
@@ -167,12 +169,12 @@ class Mistakes:
         return False
 
     def withdraw(self, place: Place) -> None:
-        """Drop the mistake at a place, for a later one that replaces it."""
+        """Drop all mistakes at a place, and open the place for a better mistake."""
         self.found = [each for each in self.found if _where(each.place) != _where(place)]
         self._reported.discard(_where(place))
 
     def take(self, mistakes: Iterable[Mistake]) -> None:
-        """Add several mistakes. Later mistakes at the same places are dropped."""
+        """Add mistakes, except at closed places. Close their places."""
         taken = list(mistakes)
         self.found += [m for m in taken if _where(m.place) not in self._reported]
         self._reported |= {_where(mistake.place) for mistake in taken}
@@ -192,14 +194,14 @@ class TreeError(ArmtreeError):
 
 
 class FileError(TreeError):
-    """A task file is wrong; the message lists every mistake with its line.
+    """A task file is wrong. The message lists up to 20 mistakes with their lines.
 
     Attributes:
         mistakes: All mistakes, without duplicates, ordered by file and line.
     """
 
     code = "file.task"
-    hint = "correct the file, then `armtree check`"
+    hint = "correct the file, then run `armtree check`"
 
     def __init__(self, mistakes: Iterable[Mistake]) -> None:
         self.mistakes = tuple(sorted(_combined(set(mistakes)), key=_order))
@@ -210,12 +212,12 @@ class FileError(TreeError):
 
     @classmethod
     def at(cls, path: Path, message: str) -> Self:
-        """Return the error of a whole file or folder."""
+        """Return an error about a whole file or folder."""
         return cls([Mistake(Place(path), message)])
 
 
 class PoseUnknown(FileError):
-    """No file has a pose of that name."""
+    """No pose of the user has that name."""
 
     code = "file.no_pose"
     http_status = 404
@@ -223,10 +225,11 @@ class PoseUnknown(FileError):
 
 
 def _combined(mistakes: Collection[Mistake]) -> list[Mistake]:
-    """Merge the mistakes of a line, so that each correction contains the others.
+    """Merge mistakes that correct the same lines.
 
-    A mistake joins an earlier mistake that corrects the same lines. The layout comes before the
-    nodes, and a node before its contents.
+    All corrections of one line become one line with all changes. If two mistakes can only be
+    corrected together, the later one is merged into the earlier one. A mistake of the layout comes
+    before those of nodes, and a mistake of a node before those of its contents.
     """
     rows, combined = dict[tuple[Path, int, str], list[Mistake]](), list[Mistake]()
     for mistake in mistakes:
@@ -276,7 +279,7 @@ def _folded(mistakes: Iterable[Mistake]) -> Iterator[Mistake]:
 
 
 def _comes_first(first: Mistake, then: Mistake) -> bool:
-    """Return True if a mistake can only be corrected together with an earlier one."""
+    """Return True if the mistake `then` can only be corrected together with `first`."""
     old, new = first.instead, then.instead
     if not old or not new or first.place.path != then.place.path or not old.count:
         return False
@@ -291,9 +294,10 @@ def _comes_first(first: Mistake, then: Mistake) -> bool:
 
 
 def _with_all(before: str, after: Sequence[str]) -> str:
-    """Return a line with several changes; empty if two of them change the same words.
+    """Return a line with several changes; empty if two changes overlap.
 
-    A change that adds lines may also have the words that another one inserts at its end.
+    A change that adds lines also overlaps with an insertion at its end, because the added lines may
+    contain the inserted text.
     """
     text, end, last = before, len(before), -1
     for begin, stop, new in sorted((_change(before, each) for each in after), reverse=True):
@@ -304,14 +308,14 @@ def _with_all(before: str, after: Sequence[str]) -> str:
 
 
 def _change(before: str, after: str) -> tuple[int, int, str]:
-    """Return start and end of the part of a text that differs from another, and its replacement."""
+    """Return start and end of the part of `before` that `after` replaces, and the new text."""
     begin = _common(before, after)
     end = _common(before[begin:][::-1], after[begin:][::-1])
     return begin, len(before) - end, after[begin : len(after) - end]
 
 
 def _common(one: str, other: str) -> int:
-    """Return the number of characters with which both texts begin."""
+    """Return the number of equal characters at the start of both texts."""
     pairs = enumerate(zip(one, other, strict=False))
     return next((n for n, (a, b) in pairs if a != b), min(len(one), len(other)))
 
@@ -333,12 +337,12 @@ class DuplicateTask(FileError):
     """
 
     code = "file.duplicate_task"
-    hint = "give one of them another number, in its file name and at its key task"
+    hint = "give one of the two tasks another number, in its file name and at its key task"
 
     def __init__(self, number: int, first: Path, second: Place, free: int, replaces: str) -> None:
         what = f"task {number} is in two files, {first} and {second.path}"
         this = f"add the line replaces: {replaces}, or " if replaces else ""
-        which = f"{'this one' if replaces else 'one of them'} another number, such as {free}"
+        which = f"{'this task' if replaces else 'one of them'} another number, such as {free}"
         advice = f"{this}give {which}, in its file name and at its key task"
         super().__init__([Mistake(second, f"{what}: {advice}")])
 
@@ -362,7 +366,7 @@ class BadArguments(FileError):
 
 
 def _without_line(mistake: Mistake) -> Mistake:
-    """Return a mistake without line, column and correction if its text has only one line."""
+    """Remove line, column and correction from a mistake in an argument of one line."""
     place = mistake.place
     if len(place.lines) > 1:
         return mistake
@@ -376,13 +380,13 @@ class UnknownTask(TreeError):
         task: Number or name.
         known: The numbers or names of all tasks.
         robot: Name of the robot of these tasks.
-        instead: Hint about the likely meaning of the name, such as a pose; empty if unknown.
+        instead: Message about the likely meaning, such as a pose; empty for the usual message.
     """
 
     code = "goal.unknown_task"
     exit_status = 4
     http_status = 404
-    hint = "`armtree tasks` lists the tasks; --trees FOLDER adds those of a folder"
+    hint = "`armtree tasks` lists the tasks; --trees FOLDER adds the tasks of a folder"
 
     def __init__(
         self,
@@ -401,9 +405,9 @@ class UnknownTask(TreeError):
             words = instead
         elif not self.known:
             words += f". No task is for the robot {robot}; `armtree new` writes one, and "
-            words += "`armtree move` moves it without a task"
+            words += "`armtree move` moves the robot without a task"
         elif any(str(task) in path.stem.split("_", 1) for path in EXAMPLES.glob("*.yaml")):
-            words += f". {task} is an example: --trees {EXAMPLES} (in Python, trees=) has it"
+            words += f". {task} is an example: add --trees {EXAMPLES} (in Python, trees=)"
         elif isinstance(task, str) and not words.endswith("?"):
-            words += ". For tasks in another folder, give it with --trees (in Python, trees=)"
+            words += ". If it is in another folder, give this folder: --trees (in Python, trees=)"
         super().__init__(words)

@@ -1,4 +1,4 @@
-"""Libraries for a server: each goal gets the latest valid state of the task files."""
+"""The library of a server: each goal gets the latest valid version of the task files."""
 
 import os
 import threading
@@ -26,11 +26,11 @@ class _Snapshot:
     Args:
         own: The user's folder, or None.
         robot: Name of the robot.
-        before: The last snapshot. Unchanged files are not read again.
+        before: The previous snapshot, or None. Files that have not changed are not read again.
 
     Attributes:
         own: The user's folder, or None.
-        nodes: The table of all nodes of each compiled task, by number.
+        nodes: The table of nodes of each task without mistakes, by number of the task.
     """
 
     def __init__(self, own: Path | None, robot: str, before: "_Snapshot | None" = None) -> None:
@@ -75,7 +75,7 @@ class _Snapshot:
         Args:
             number: Number of the task.
             robot: The robot.
-            validated: True if its skills also validate their inputs.
+            validated: True to let its skills validate their inputs, too.
         """
         if (number, validated) not in self._errors:
             try:
@@ -83,7 +83,7 @@ class _Snapshot:
                 self.nodes[number] = node_table(tree)
                 self._errors[number, validated] = None
             except UnknownTask as error:
-                return error  # a client may request any number
+                return error  # not kept, because a client may request any number
             except TreeError as error:
                 self._errors[number, validated] = error
         return self._errors[number, validated]
@@ -96,15 +96,16 @@ class _Snapshot:
 
 
 class LiveLibrary:
-    """Returns a library for each goal, after checking for changed files.
+    """The task files of a server. Each goal gets a library of the latest valid files.
 
-    If the changed files of a task are invalid, the task runs from the latest snapshot in which it
-    was valid. A snapshot is made at the start, and before a goal if a file has changed.
+    A snapshot has the texts of all files. If the changed files of a task are invalid, the task runs
+    from the latest snapshot in which it was valid. A new snapshot is made at the start, and before
+    a goal if a file has changed.
 
     Args:
         folder: The user's task files; None for only the shipped ones.
         robot: The robot. Tasks are checked for it.
-        default: Folder to use if `folder` is None, as soon as it exists. Default: no folder.
+        default: Folder to use if `folder` is None, as soon as this folder exists, or None.
 
     Raises:
         FileError: The folder does not exist or cannot be read.
@@ -127,22 +128,26 @@ class LiveLibrary:
         return self._folder
 
     def for_task(self, number: int) -> tuple[Library, str]:
-        """Return the latest files in which a task is valid. Warn if newer files are invalid.
+        """Return the library for the next goal of a task, and a warning.
+
+        The library has the latest files in which the task is valid. The warning is empty if these
+        are the current files.
 
         Raises:
-            UnknownTask: No task has that number.
-            TreeError: The task is not valid in any snapshot.
+            UnknownTask: No current task has that number.
+            TreeError: The task is valid in no snapshot. A skill's refusal of an input alone does
+                not raise: the goal then fails with the error of the skill.
         """
         with self._lock:
             snapshot, warning = self._valid(number)
             return snapshot.library, warning
 
     def nodes(self, number: int) -> list[dict[str, Any]]:
-        """Return all nodes of a task in its valid version for the next goal. See `node_table`.
+        """Return the table of nodes of a task, as the next goal runs it. See `node_table`.
 
         Raises:
-            UnknownTask: No task has that number.
-            TreeError: The task is not valid in any snapshot.
+            UnknownTask: No current task has that number.
+            TreeError: As for `for_task`.
         """
         with self._lock:
             return self._valid(number)[0].nodes[number]
@@ -165,7 +170,7 @@ class LiveLibrary:
 
     @property
     def latest(self) -> Library:
-        """The current files.
+        """The library of the current files.
 
         Raises:
             FileError: The folder cannot be read.
@@ -240,7 +245,7 @@ def _text(path: Path) -> str | FileError:
 
 
 def _stamp(path: Path) -> _Stamp:
-    """Return a value that changes with a file or folder; None if it does not exist."""
+    """Return time, size and inode of a file or folder; None if it does not exist."""
     try:
         found = os.stat(path)
     except OSError:

@@ -96,7 +96,7 @@ WRONG = [
     ("{retry: CheckHardware, attempt: 3}", "did you mean attempts?"),
     ("{parallel: [Succeed], policy: al}", "'al' is not one of all, any; did you mean all?"),
     ("{sequence: [Succeed], memory: off}", "'off' is not true or false"),
-    ("{guard: Succeed}", "guard needs while: the condition"),
+    ("{guard: Succeed}", "guard needs the key while with a condition"),
     ("{guard: Succeed, while: {Wait: {duration: 1}}}", "Wait acts, and cannot be a condition"),
     (
         "{guard: Succeed, while: {selector: [CheckHardware, {retry: CheckHardware, attempts: 2}]}}",
@@ -130,7 +130,7 @@ WRONG = [
     ),
     (
         "{sequence: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}, {Say: {text: b}}]}",
-        "$a is written again, but nothing reads the value from line 4",
+        "$a is written again, but no node reads the value that line 4 writes",
     ),
     (
         "{parallel: [{Set: {value: 1, key: $a}}, {Set: {value: 2, key: $a}}]}",
@@ -275,7 +275,7 @@ def test_files_that_are_no_tasks(robot: Robot, tmp_path: Path, name: str) -> Non
 
 def test_of_a_folder_all_files_are_checked(robot: Robot, tmp_path: Path) -> None:
     (mistake,) = check(robot, None, [tmp_path]).mistakes
-    assert mistake.message == "is a folder without files of tasks"
+    assert mistake.message == "is a folder without task files"
     (tmp_path / robot.name).mkdir()
     for path in (tmp_path / "3_x.yaml", tmp_path / robot.name / "4_y.yaml"):
         path.write_text("a: 1\n")

@@ -86,8 +86,8 @@ OWN_FILES = [
         "poses: {opne: {joint_4: 0}}\nreplaces: [open]\n",
         "2:1 replaces: this file has no pose open; there is only opne",
     ),
-    ("3_x.YAML", HEAD, "the name of a file of tasks ends in .yaml"),
-    ("look.yml", HEAD, "the name of a file of tasks ends in .yaml"),
+    ("3_x.YAML", HEAD, "the name of a task file must end in .yaml"),
+    ("look.yml", HEAD, "the name of a task file must end in .yaml"),
     (
         "look.yaml",
         "subtree: look\ndescription: x\nports: {a: {type: text, output: true}}\n"
@@ -352,7 +352,7 @@ def test_a_body_that_no_planner_can_load_is_refused(
 def test_a_body_that_another_task_adds_may_be_used(robot: Robot, tmp_path: Path, key: str) -> None:
     """It stays for the next task of the same run."""
     (used,) = found(robot, tmp_path, tree("{RemoveBody: {body: cup}}"))
-    assert "no node before this adds a body cup" in str(used)
+    assert "no node before this one adds the body cup" in str(used)
     added = f"{{AddSphere: {{{key}: cup, radius: 1 cm, position: [0, 0, 1]}}}}"
     (tmp_path / "40_other.yaml").write_text(
         f"task: 40\nname: other\ndescription: z\ntree: {added}\n"
@@ -376,8 +376,8 @@ def test_a_task_for_another_robot_is_noted_and_leaves_the_others_alone(
     assert [each.place.path.name for each in found.mistakes] == ["7_x.yaml", "8_x.yaml"]
     (note,) = found.notes
     assert note.message == (
-        "names joints that the arduinobot lacks: shoulder_pan. If it is for another robot, move it "
-        f"to the subfolder of {tmp_path} with the name of that robot"
+        "names joints that the arduinobot lacks: shoulder_pan. If this file is for another robot, "
+        f"move it to the subfolder of {tmp_path} with the name of that robot"
     )
 
 

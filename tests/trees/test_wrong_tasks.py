@@ -57,19 +57,19 @@ WRONG = [
      "-17.189 deg contradicts joint_4 = -17.189 deg; it follows, as -1 times joint_4: leave "
      "joint_5 out", "      with: {arm: upright, gripper: {joint_4: -0.3}}"),
     ("arm: upright", "arm: open", "7:19 the arm has joint_1, joint_2, joint_3, not "
-     "joint_4; saved poses of it are upright, right, folded", f"      {REACH}"),
-    ("subtree: reach", "subtree: trees/reach.yaml", "6:16 no subtree trees/reach.yaml; write its "
-     "name, without its folder: reach", "    - subtree: reach"),
+     "joint_4; saved poses that fit are upright, right, folded", f"      {REACH}"),
+    ("subtree: reach", "subtree: trees/reach.yaml", "6:16 no subtree trees/reach.yaml; write the "
+     "name without the folder: reach", "    - subtree: reach"),
     ("subtree: reach", "subtree: [reach]", "6:16 subtree: write the name without brackets",
      "    - subtree: reach"),
     (f"sequence:\n    - subtree: reach\n      {REACH}\n    - subtree: move_joints\n      {MOVE}",
      f"sequence: {{subtree: reach, {REACH}}}", "5:13 sequence needs a list of nodes, not {subtree: "
-     "reach, with: {arm: upright, gripper: open}}: begin each with a `-`, below sequence:",
+     "reach, with: {arm: upright, gripper: open}}: begin each node with a `-`, below sequence:",
      f"  sequence: [{{subtree: reach, {REACH}}}]"),
     (f"    - subtree: reach\n      {REACH}\n    - subtree: move_joints\n      {MOVE}",
      f"    first: {{subtree: move_joints, {MOVE}}}", "6:5 sequence needs a list of nodes, not "
-     "{first: {subtree: move_joints, with: {joints: {joint_1: 2...: begin each with a `-`, below "
-     "sequence:", f"    - {{subtree: move_joints, {MOVE}}}"),
+     "{first: {subtree: move_joints, with: {joints: {joint_1: 2...: begin each node with a `-`, "
+     "below sequence:", f"    - {{subtree: move_joints, {MOVE}}}"),
     (f"  sequence:\n    - subtree: reach\n      {REACH}\n    - subtree: move_joints\n      {MOVE}",
      f"  [{{subtree: reach, {REACH}}}]", "5:3 a list of nodes needs a node above it, such as "
      "sequence:", f"  sequence: [{{subtree: reach, {REACH}}}]"),
@@ -94,14 +94,14 @@ NODES = [
      '    - Say: {text: "5"}'),
     ("Say: {text: true}", '10:19 Say.text: true is not a text; did you mean "true"?',
      '    - Say: {text: "true"}'),
-    ("subtree: [open_gripper, close_gripper]", "10:16 a node runs one subtree; write one for each, "
-     "below sequence:",
+    ("subtree: [open_gripper, close_gripper]", "10:16 a node runs one subtree; write one node for "
+     "each, below sequence:",
      "    - sequence:\n        - {subtree: open_gripper}\n        - {subtree: close_gripper}"),
-    ("subtree: open_gripper\n      guard: true", "11:7 guard has its node below it, not beside, "
-     "and needs while: the condition",
+    ("subtree: open_gripper\n      guard: true", "11:7 write the child of guard below guard, "
+     "and the condition after while:",
      "    - guard:\n        subtree: open_gripper\n      while: CheckHardware"),
-    ("guard: {subtree: open_gripper}\n      while: true", "11:14 guard needs while: the condition, "
-     "not true", "      while: CheckHardware"),
+    ("guard: {subtree: open_gripper}\n      while: true", "11:14 guard needs the key while "
+     "with a condition, not true", "      while: CheckHardware"),
     ("guard: true\n      while: CheckHardware", "10:14 a node is a skill, a subtree, or a control "
      "node such as sequence, not true", "    - guard: Succeed"),
     ("reach", "10:7 no skill reach, but a subtree reach: write subtree: reach, with: {arm: …, "
@@ -112,10 +112,12 @@ NODES = [
      "right: …}", ""),
     ("Compare: {left: 1, is: =, right: 2}", "10:30 Compare.is: '=' is not one of !=, <, <=, ==, >, "
      ">=; did you mean ==?", '    - Compare: {left: 1, is: "==", right: 2}'),
-    ("{subtree: Wait, with: {duration: 2 s}}", "10:7 Wait is a skill, not a subtree: write Wait",
+    ("{subtree: Wait, with: {duration: 2 s}}", "10:7 Wait is a skill, not a "
+     "subtree: write Wait without subtree:",
      ""),
     ("subtree: Wait\n      with: {duration: 2 s}",
-     "10:7 Wait is a skill, not a subtree: write Wait", "    - Wait: {duration: 2 s}"),
+     "10:7 Wait is a skill, not a "
+     "subtree: write Wait without subtree:", "    - Wait: {duration: 2 s}"),
     ("Wait: {duration: 2 seconds}", "10:24 Wait.duration: '2 seconds': no unit seconds; there are "
      "h, min, ms, s; did you mean 2 s?", "    - Wait: {duration: 2 s}"),
     ("wait: {duration: 2 s}", "10:7 no skill wait; did you mean Wait?",
@@ -128,13 +130,13 @@ NODES = [
      "      after: 1 s",
      "13:7 timeout fails after 1 s; as planned from the boot pose, its child takes 1.7 s; write "
      "a time above 1.71 s", "      after: 3 s"),
-    ("Attach: {body: cube, link: claw_support}", "10:22 no node before this adds a body cube: "
-     "add it above, such as with AddBox: {body: cube, "
-     "position: [12 cm, 10 cm, 2 cm], size: [4 cm, 4 cm, 4 cm]}, with its own numbers; "
+    ("Attach: {body: cube, link: claw_support}", "10:22 no node before this one adds the body "
+     "cube: add it above, such as with AddBox: {body: cube, "
+     "position: [12 cm, 10 cm, 2 cm], size: [4 cm, 4 cm, 4 cm]}, with the numbers of your body; "
      "or with AddSphere, AddCylinder",
      "    - AddBox: {body: cube, position: [12 cm, 10 cm, 2 cm], size: [4 cm, 4 cm, 4 cm]}"),
     (f"{DICE}\n    - Detach: {{body: dice}}", "11:7 dice is attached to no link; attach it "
-     "before this, such as with Attach: {body: dice, link: claw_support}, or leave this node out",
+     "above, such as with Attach: {body: dice, link: claw_support}, or leave this node out",
      "    - Attach: {body: dice, link: claw_support}"),
     ("AddBox: {body: b, size: [10, 10, 10], position: [20 cm, 0, 0]}", "10:31 AddBox: size 10 m "
      "is far beyond the reach of this arm, 0.26 m; did you mean [10 mm, 10 mm, 10 mm]?",
@@ -175,7 +177,7 @@ SLIPS = [
     ("task: 20", "Task: 20", "1:1 unknown key Task; there are description, grammar, name, "
      "parameters, replaces, retry, task, tree; did you mean task?", "task: 20"),
     ("joint_1: 20 deg", "joint_1: 20 deg, joint_1: 30 deg", "9:40 the key joint_1 is given twice, "
-     "first in line 9, column 23; remove one", ""),
+     "first in line 9, column 23; remove one key", ""),
     ("- subtree: move", "\u2013 subtree: move", "8:5 write the plain dash -",
      "    - subtree: move_joints"),
     ("  sequence:", "  // all moves\n  sequence:", "5:3 a comment begins with #, not with //",
@@ -221,8 +223,8 @@ SLIPS_OF_NODES = [
      "    - task: 1"),
     ("Say: [hello, world]", "10:7 Say takes no list of nodes; these do: sequence, selector, "
      "parallel", ""),
-    ("while: CheckHardware\n      subtree: open_gripper", "10:7 guard has its node below it, and "
-     "while in a line of its own",
+    ("while: CheckHardware\n      subtree: open_gripper", "10:7 write the child of guard below "
+     "guard, and while in its own line",
      "    - guard:\n        subtree: open_gripper\n      while: CheckHardware"),
     ("Wait: {within: 2 s}", "10:14 within is not a port of Wait; there is only duration",
      "    - Wait: {duration: 2 s}"),
@@ -237,16 +239,17 @@ SLIPS_OF_NODES = [
     ("retry:\n        subtree: open_gripper", "10:7 retry needs attempts: largest number of "
      "attempts; write it below, in the column of retry", "      attempts: 3"),
     ("repeat:\n        times: 3\n        subtree: open_gripper",
-     "11:9 times belongs to repeat: write it beside repeat",
+     "11:9 times belongs to repeat: write it at the level of repeat",
      "    - repeat:\n        subtree: open_gripper\n      times: 3"),
-    ("sequence:", "10:7 sequence needs a list of nodes: begin each with a `-`, below sequence:",
+    ("sequence:", "10:7 sequence needs a list of nodes: begin each node with a `-`, "
+     "below sequence:",
      ""),
     ("if: CheckHardware\n      then: {subtree: open_gripper}", "10:7 there is no if: a selector "
-     "runs its nodes until one succeeds; begin it with the inverted condition",
+     "runs its nodes until one succeeds; begin the selector with the inverted condition",
      "    - selector:\n        - inverter: CheckHardware\n        - {subtree: open_gripper}"),
     ("if: CheckHardware\n      then: {subtree: open_gripper}\n      else: [Succeed]",
-     "10:7 there is no if: a selector runs its nodes until one succeeds; begin it with the "
-     "sequence of one case, which begins with the condition",
+     "10:7 there is no if: a selector runs its nodes until one succeeds; begin the selector "
+     "with the sequence of one case, which begins with the condition",
      "    - selector:\n        - sequence:\n            - CheckHardware\n            - {subtree: "
      "open_gripper}\n        - sequence:\n            - inverter: CheckHardware\n            - "
      "Succeed"),
@@ -254,11 +257,11 @@ SLIPS_OF_NODES = [
      '    - selector:\n        - inverter: {Compare: {left: 1, is: "==", right: 1}}\n'
      "        - Succeed"),
     ("CheckBounds: {arm: upright, gripper: open, goal: $goal}\n    - PlanArm: {goal: $goal}",
-     "11:7 PlanArm needs start: position of every actuated joint [rad]; SetStart before it can "
-     "write it: start: $start", ""),
+     "11:7 PlanArm needs start: position of every actuated joint [rad]; SetStart can write it "
+     "above: start: $start", ""),
     ("Target: {start: $s, joints: {joint_1: 0}, goal: $g}", "10:23 nothing has written $s when "
-     "Target.start reads it; a node before it must write it, such as SetStart, or a parameter or "
-     "port must have this name", ""),
+     "Target.start reads it; write the key in an earlier node, such as SetStart, or declare a "
+     "parameter or port of this name", ""),
 ]  # fmt: skip
 
 
@@ -393,7 +396,8 @@ SWING = [
      "parameters: {swing: angle}"),
     ("parameters: {swing: {type: degrees, default: 40 deg}}", "4:28 parameters: swing: no type "
      "degrees; there are number, integer, boolean, text, angle, duration, length, positions, and "
-     "a list of one; did you mean angle?", "parameters: {swing: {type: angle, default: 40 deg}}"),
+     "a list of one of these; did you mean angle?",
+     "parameters: {swing: {type: angle, default: 40 deg}}"),
     ("parameters: {$swing: {type: angle, default: 40 deg}}", "4:14 parameters: '$swing' is not a "
      "name (a letter, then letters, digits, _ or -); did you mean swing?",
      "parameters: {swing: {type: angle, default: 40 deg}}"),
@@ -457,7 +461,7 @@ def test_what_is_to_be_written_instead_removes_the_mistake(
 def _words(mistake: Mistake) -> tuple[str, str]:
     """Return the message of a mistake, without folders and the numbers of further lines."""
     return mistake.place.path.name, re.sub(
-        r"\S+/|; the same in .*|, first in .*", "", mistake.message
+        r"\S+/|; the same mistake is in .*|, first in .*", "", mistake.message
     )
 
 
@@ -503,7 +507,8 @@ def test_subtrees_that_use_each_other_are_reported_once(robot: Robot, tmp_path: 
     (mistake,) = check(robot, tmp_path).mistakes
     assert (mistake.place.path.name, mistake.place.line) == ("bb.yaml", 5)
     assert mistake.message == (
-        "aa would contain itself: aa -> bb (aa.yaml:5) -> aa (bb.yaml:5); leave one of them out"
+        "aa would contain itself: aa -> bb (aa.yaml:5) -> aa (bb.yaml:5); leave one of these "
+        "uses out"
     )
 
 
@@ -548,5 +553,7 @@ def test_a_loop_that_lets_no_task_succeed_is_a_note(robot: Robot, tmp_path: Path
     found = check(robot, None, [tmp_path / "20_m.yaml"])
     (note,) = found.notes
     assert not found.mistakes
-    assert note.message == "without times, repeat runs until its child fails: this never succeeds"
+    assert note.message == (
+        "without times, repeat runs until its child fails: the task never succeeds"
+    )
     assert _text(note) == "      times: 3"

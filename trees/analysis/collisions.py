@@ -36,16 +36,16 @@ class CollisionChecks:
 
     Args:
         robot: The robot.
-        pool: Planners; started and closed by `mistakes`.
+        pool: Planner processes. `mistakes` starts and closes them.
 
     Attributes:
-        poses: Configurations to check in an empty world [rad], and their places.
+        poses: Places and configurations [rad] to check in an empty world.
         trees: Compiled tasks and subtrees.
         tasks: The tasks among them.
         notes: Notes about first motions that start in collision, points out of reach, and timeouts
             shorter than their motions. All assume that the arm is in its start pose.
-        absent: Places of bodies that a task uses but does not add, with the name of the body, a
-            similar name, and the place of the node.
+        absent: Bodies that a task uses but does not add: name of the body, a similar name or "",
+            and place of the node, by place of the use.
     """
 
     robot: Robot
@@ -58,7 +58,7 @@ class CollisionChecks:
     _found: list[Mistake] = field(default_factory=list)
 
     def mistakes(self) -> Iterator[Mistake]:
-        """Return the mistakes that a planner finds, and add the notes."""
+        """Yield the mistakes that a planner finds. Fill `notes` and `absent`."""
         if not (self.poses or self.trees):
             return
         with closing(self.pool):
@@ -83,7 +83,7 @@ class CollisionChecks:
 
     def _load_error(self, body: Body) -> BadWorld | WorkerDied | None:
         """Return the error of loading a body, or None."""
-        # Other tasks may add the bodies that it touches.
+        # Other tasks may add the bodies that this body touches.
         alone = World((replace(body, touches=frozenset()),))
         answer = self.pool.ask(Verify([self.robot.boot_pose], 0.0, world=alone))
         return answer if isinstance(answer, (BadWorld, WorkerDied)) else None
@@ -109,7 +109,7 @@ class CollisionChecks:
         return bodies
 
     def _configurations(self) -> dict[tuple[Pose, World], list[_Use]]:
-        """Return all configurations in their worlds, and their uses."""
+        """Predict all motions. Return the uses of each configuration in each world."""
         found: dict[tuple[Pose, World], list[_Use]] = {}
         goal, start = "this pose collides", "before this motion, the arm is in collision"
         for place, pose in self.poses:
@@ -130,7 +130,7 @@ class CollisionChecks:
         return found
 
     def _first_worlds(self) -> dict[World, Place]:
-        """Return the world of each motion from the start pose, with the place of the motion.
+        """Return each world of a motion that begins in the start pose, and the place of the motion.
 
         Also adds notes for tasks that begin in the start pose: points out of reach, moves by a
         distance that leave the limits of a joint, and timeouts shorter than their motions. A
@@ -139,7 +139,7 @@ class CollisionChecks:
         """
         worlds, boot = dict[World, Place](), self.robot.boot_pose
         for tree in self.tasks:
-            # Refusals for only this start are not mistakes.
+            # A refusal that only this start causes is a note, not a mistake.
             hooks = SkillHooks(tree.hooks.doubtful)
             times = PlannedTimes(tree, self.robot, self.pool.ask)
             found = predict_motions(
@@ -167,6 +167,6 @@ class CollisionChecks:
         return worlds
 
     def _unreachable(self, query: ToolQuery) -> Reached:
-        """Raise an error instead of a solution, because a solution is known only during a run."""
+        """Raise an error even for a point in reach: its solution is known only during a run."""
         self.pool.reach(query)
         raise MotionError("known during a run")

@@ -1,4 +1,4 @@
-"""Planned times: durations of the motions of a task, as a run would plan and play them."""
+"""Planned times: durations of the motions of a task, planned as in a run."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -18,7 +18,7 @@ _MOST_TIME = 2.0  # longest time for planning of one task [s]
 
 
 class PlannedTimes:
-    """Plans the motions below the timeouts of a task, until a limit is reached.
+    """Plans the motions inside the timeouts of a task, up to a number of plans and a time.
 
     Args:
         tree: The compiled task.

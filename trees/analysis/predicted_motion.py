@@ -31,8 +31,8 @@ from trees.nodes.kind import Flow
 from trees.reading.lines import added_above
 from trees.reading.literals import in_unit_of
 
-_INSIDE = 1e-3  # distance of a suggested point from the end of the reach [m]
-ROUNDS = 100  # largest number of rounds of loops, in addition to the first of each
+_INSIDE = 1e-3  # distance of a suggested point from the limit of the reach [m]
+ROUNDS = 100  # largest number of predicted rounds of all loops, without their first rounds
 _UNNAMED = "bodies named at run time"
 _UNKNOWN = "its start or target is known only during a run"
 
@@ -49,8 +49,8 @@ class Motion:
         world: World during the motion.
         left_out: Names of bodies that are not in `world`, because their presence or pose is unknown
             before the run.
-        via: Points on the way: values of the arm's own joints [rad].
-        speeds: Share of the robot's speed, by group; 1 for groups that are not listed.
+        via: Waypoints before the target: positions of the joints of the group `arm` [rad].
+        speeds: Fraction of the robot's speed, by group; 1 for groups that are not listed.
     """
 
     node: Behaviour = field(compare=False)
@@ -64,7 +64,7 @@ class Motion:
     speeds: Mapping[str, float] = field(default_factory=dict, compare=False)
 
     def queries(self, robot: Robot, start: Pose, seed: int = 1) -> Iterator[Query]:
-        """Yield the query for each group. As in a run, the gripper moves after the arm.
+        """Yield the planner's query for each group. As in a run, the gripper moves after the arm.
 
         Args:
             robot: The robot.
@@ -86,7 +86,7 @@ class Motion:
             start = tuple(there if mine else here for there, here, mine in pairs)
 
     def least_time(self, robot: Robot) -> float:
-        """Return a lower bound of the duration [s], from each joint; 0 if the start is unknown."""
+        """Return the least duration [s]: that of the slowest joint; 0 if the start is unknown."""
         least = 0.0
         for group in robot.groups if self.start else ():
             for joint, begin, end in zip(robot.actuated, self.start or (), self.pose, strict=True):
@@ -102,13 +102,13 @@ class PredictedMotions:
 
     Attributes:
         motions: Motions with a known target, in order.
-        unknown: Further nodes that move the arm, and the reason that their target is unknown; and
-            loops, and the rounds that are left out.
-        absent: Places of used bodies that are certainly missing, with the name of the body, a
-            similar present name or "", and the place of the node.
-        mistakes: Points that the tool cannot reach without a collision, and detached bodies that no
-            link carries.
-        times: Lower bound of the time that a node needs to move the arm [s], by node.
+        unknown: Missing motions, by node: the reason that a node has an unknown target, or the
+            rounds of a loop that are left out.
+        absent: Bodies that a task uses and that are certainly missing: name of the body, a similar
+            name of a present body or "", and place of the node, by place of the use.
+        mistakes: Mistakes of points that the tool cannot reach without a collision, and of detached
+            bodies that no link carries.
+        times: Least time that a skill needs to move the arm [s], by skill.
     """
 
     motions: list[Motion] = field(default_factory=list)
@@ -129,7 +129,7 @@ def predict_motions(
     reach: Callable[[ToolQuery], Reached] | None = None,
     duration: Callable[[Leaf, Motion], float] | None = None,
 ) -> PredictedMotions:
-    """Predict the motions of a task, each in the world that the task creates before it.
+    """Predict the motions of a task, and the world during each motion.
 
     Args:
         tree: The compiled task.
@@ -137,9 +137,9 @@ def predict_motions(
         carry: Callback that fixes a body to another link. It may raise a MotionError.
         start: Configuration before the task [rad]; None if unknown.
         world: World before the task.
-        hooks: Calls the code of skills. Default: the hooks of the tree.
+        hooks: Caller of the hooks of skills. Default: that of the tree.
         reach: Callback that returns joint positions for a point of the tool. It may raise a
-            MotionError. If None, targets that are points are unknown.
+            MotionError. If None, targets that are given as points are unknown.
         duration: Callback that returns the time of a skill for a motion [s]. Default: the least
             time.
     """
@@ -157,7 +157,7 @@ class _State:
         world: Bodies that are certainly present.
         pose: Configuration of the arm [rad]; None if unknown.
         unsure: Names of bodies that may be present.
-        keys: Configurations, and targets of some joints, by key.
+        keys: Known joint positions on the blackboard, by full name of the key.
     """
 
     world: World
@@ -166,7 +166,7 @@ class _State:
     keys: Mapping[str, Positions] = field(default_factory=dict)
 
     def with_body(self, body: Body) -> "_State":
-        """Return the state with a body. It replaces a body of the same name."""
+        """Return the state with a body, which replaces a body of the same name."""
         unsure = self.unsure - {body.name}
         new = replace(body, touches=body.touches - unsure)
         return replace(self, world=self.world.adding(new), unsure=unsure)
@@ -178,11 +178,11 @@ class _State:
         return replace(self, world=World(rest), unsure=self.unsure - gone)
 
     def lost(self) -> "_State":
-        """Return the state with an unknown configuration of the arm."""
+        """Return the state with an unknown configuration of the arm and no known keys."""
         return replace(self, pose=None, keys={})
 
     def unsure_of(self, names: Iterable[str]) -> "_State":
-        """Return the state in which bodies of these names may be present."""
+        """Return the state in which bodies of these names are possibly present."""
         now = self.without(names)
         unsure = now.unsure | frozenset(names)
         rest = (replace(body, touches=body.touches - unsure) for body in now.world.bodies)
@@ -200,7 +200,7 @@ class _Walk:
     _rounds_left: int  # rounds that may still be added
     found: PredictedMotions = field(default_factory=PredictedMotions)
     _why: str = _UNKNOWN  # reason that the next target is unknown
-    # The motion to the last target: None if the arm is there, empty if unknown.
+    # The motion to the last target: None if the arm has reached it, empty if it is unknown.
     _ahead: tuple[Motion, ...] | None = None
 
     def through(self, node: Behaviour, now: _State) -> _State:
@@ -224,17 +224,17 @@ class _Walk:
         return _common(states)
 
     def _rounds(self, node: Behaviour, rounds: int | None, now: _State) -> _State:
-        """Return the part of the state that holds after the last round. Add motions of all rounds.
+        """Return the known state after the last round of a loop. Add the motions of all rounds.
 
-        If any number of rounds is possible, add those of the first two. A round is left out if the
-        motions before it have the same targets and worlds.
+        If the number of rounds is unknown, add the motions of the first two rounds. A round is left
+        out if earlier motions have the same targets and worlds.
         """
         motions = self.found.motions
         before = len(motions)
         states = [self._in_turn(node, now)]
         moves, stable, shown = len(motions) > before, states == [now], 1
         while not stable and len(states) < (rounds or 2) and self._rounds_left:
-            self._rounds_left -= 1  # loops in each other share it: each would multiply the work
+            self._rounds_left -= 1  # all loops share it, because nested loops multiply the work
             first = len(motions)
             states.append(self._in_turn(node, states[-1]))
             stable = states[-1] == states[-2]
@@ -243,14 +243,14 @@ class _Walk:
                 del motions[first:]
             else:
                 shown += 1
-        if not stable and len(states) != rounds:  # also if their number is unknown
+        if not stable and len(states) != rounds:  # also if the number of rounds is unknown
             self.found.unknown[node] = f"its rounds after number {len(states)} are left out"
             return _common(states)
         if rounds is None:
             return _common(states)
         if moves and shown < rounds:
             left = f"{rounds - shown} of its {rounds} rounds"
-            self.found.unknown[node] = f"{left} have the targets of earlier ones and are left out"
+            self.found.unknown[node] = f"{left} have the targets of earlier rounds and are left out"
         return states[-1]
 
     def _in_turn(self, node: Behaviour, now: _State) -> _State:
@@ -291,7 +291,7 @@ class _Walk:
         return now
 
     def _written(self, leaf: Leaf, now: _State) -> _State:
-        """Return the state with the configuration that a skill writes."""
+        """Return the state after a skill has written its outputs to the blackboard."""
         outputs = {leaf.keys[port] for port in type(leaf.skill).output_ports() if port in leaf.keys}
         keys = {key: value for key, value in now.keys.items() if key not in outputs}
         key = leaf.keys.get(type(leaf.skill).pose_output)
@@ -300,7 +300,7 @@ class _Walk:
         return replace(now, keys=keys)
 
     def _reached(self, leaf: Leaf, inputs: Mapping[str, Any], now: _State) -> _State:
-        """Return the state with the joint target for a known point of the tool."""
+        """Return the state with the joint positions for a known point of the tool."""
         query = self._reach and self._hooks.tool_query(leaf, self._robot, inputs)
         if not self._reach or not query:
             return now
@@ -334,7 +334,7 @@ class _Walk:
         return Mistake(point.place, str(error), instead)
 
     def _pass(self, leaf: Leaf, inputs: Mapping[str, Any]) -> None:
-        """Add the waypoints and the speed of a skill to the last motion, if the skill plans it."""
+        """Add waypoints and speed of a skill to the last motion, if the skill plans this motion."""
         goal, motions = tuple(inputs.get("goal", {}).values()), self.found.motions
         if goal and motions and motions[-1].pose == goal:
             last, speed = motions[-1], inputs.get("speed")
@@ -378,7 +378,7 @@ class _Walk:
         )
         tool = self._robot.tool
         node = f"{attaching}: {{body: {name}, link: {tool.link if tool else '…'}}}"
-        why = f"{name} is attached to no link; attach it before this, such as with {node}"
+        why = f"{name} is attached to no link; attach it above, such as with {node}"
         right = added_above(leaf.place, node) if tool else None
         return Mistake(leaf.place, f"{why}, or leave this node out", right)
 
@@ -394,7 +394,7 @@ class _Walk:
 
 
 def _place_of_point(leaf: Leaf) -> Place:
-    """Return the place of the point of the tool; the place of the skill if it is not written."""
+    """Return the place of the tool's point; the place of the skill if it has no point."""
     return leaf.written["point"].place if "point" in leaf.written else leaf.place
 
 
@@ -407,7 +407,7 @@ def _least_time(joint: Joint, distance: float) -> float:
 
 
 def _common(states: Sequence[_State]) -> _State:
-    """Return the state that several branches have in common."""
+    """Return the part of several states that is equal in all of them."""
     first, *others = states
     unsure = {name for each in states for name in each.unsure}
     bodies = {body for each in states for body in each.world.bodies}

@@ -20,15 +20,15 @@ from trees.nodes.kind import Node, PossibleOutcomes
 from trees.reading.foreign_loops import EXAMPLES
 from trees.reading.lines import added_below
 
-_ROOM = 1.5  # suggested time / least time
+_ROOM = 1.5  # ratio of the suggested time to the least time
 
 
 @dataclass
 class _Times:
-    """Times of skills.
+    """Times of skills that the analysis assumes.
 
     Attributes:
-        of: Times of skills [s], in addition to `Skill.min_duration`.
+        of: Times by skill [s]. The analysis uses `Skill.min_duration` if it is longer.
         start: Name of the pose from which the motions are planned; empty for least times.
         notes: Receives a note for each child whose planned time is too long.
     """
@@ -43,7 +43,7 @@ def check_outcomes(tree: CompiledTree, times: Mapping[Behaviour, float] | None =
 
     Args:
         tree: The tree.
-        times: Least times of skills [s], in addition to `Skill.min_duration`.
+        times: Least times by skill [s]. The analysis uses `Skill.min_duration` if it is longer.
     """
     root = _Node(tree, tree.root, _Times(times or {}), False)
     endless = [node for node in root.inside() if node.is_endless()]
@@ -58,7 +58,7 @@ def slow_children(
 
     Args:
         tree: The tree.
-        times: Planned times of skills [s], in addition to `Skill.min_duration`.
+        times: Planned times by skill [s]. The analysis uses `Skill.min_duration` if it is longer.
         start: Name of the pose from which the motions are planned.
     """
     planned = _Times(times, start)
@@ -67,7 +67,7 @@ def slow_children(
 
 
 def _outcomes(node: "_Node") -> PossibleOutcomes:
-    """Return the possible outcomes of a node, and report mistakes in it."""
+    """Return the possible outcomes of a node. Report mistakes of the node and nodes below it."""
     tree, behaviour = node.tree, node.behaviour
     if control := node.control:
         if control.kind.only_asks or control.kind.condition:
@@ -102,14 +102,14 @@ def _longer(place: Place, option: str, shortest: float) -> Correction | None:
 
 
 class _Node:
-    """A node, with the interface `trees.nodes.kind.Node` that its kind uses.
+    """Implements `trees.nodes.kind.Node` for one node of a compiled tree.
 
     Args:
         tree: The tree.
         behaviour: The node.
         times: Times of skills.
-        halted: True if a node above may halt it before it ends.
-        used: True to report the root of a subtree where the subtree is used.
+        halted: True if a node above may halt this node before it ends.
+        used: True to report mistakes of the root of a subtree at the use of the subtree.
     """
 
     def __init__(
@@ -170,26 +170,27 @@ class _Node:
                 following.report(why, right)
 
     def inside(self) -> Iterator["_Node"]:
-        """Return the nodes in it."""
+        """Yield the node, and all nodes below it."""
         for each in self.behaviour.iterate():
             yield _Node(self.tree, each, self.times, self.halted)
 
     @property
     def limit(self) -> str:
-        """The option that limits its rounds, such as `times`; empty if it has none."""
+        """Option that limits the rounds of the node, such as `times`; empty if there is none."""
         return self.control.kind.limit if self.control else ""
 
     def is_endless(self) -> bool:
-        """Return True if it lacks the option that limits it."""
+        """Return True if the node is a loop without a limit of its rounds."""
         return bool(self.limit) and self.options[self.limit] is None
 
     def without_limit(self) -> Mistake:
         """Return the note of a loop without a limit, in a task that cannot succeed."""
-        why = f"without {self.limit}, {self.name} runs until its child fails: this never succeeds"
+        why = f"without {self.limit}, {self.name} runs until its child fails: "
+        why += "the task never succeeds"
         return Mistake(self._place, why, self.with_option(self.limit))
 
     def with_option(self, option: str) -> Correction | None:
-        """Return the line that adds an option to it."""
+        """Return the line that adds an option to the node."""
         kind = self.control.kind if self.control else None
         value = EXAMPLES.get(kind.options[option].type, "…") if kind else ""
         return added_below(self.tree.places[self.behaviour], f"{option}: {value}")
@@ -202,7 +203,7 @@ class _Node:
 
     def report(self, message: str, instead: Correction | None, option: str = "") -> None:
         """Report a mistake with the correct lines."""
-        if not self.times.start:  # with planned times, it was reported before
+        if not self.times.start:  # with planned times, the mistake was reported before
             self.tree.mistakes.found.append(Mistake(self._place_of(option), message, instead))
 
     def too_slow(self, option: str, shortest: float) -> None:

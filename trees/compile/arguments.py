@@ -15,7 +15,7 @@ MISSING = Place(Path(_SOURCE))  # place of a missing argument
 
 
 def read_arguments(settings: Sequence[str], tasks: Sequence[int] = ()) -> dict[str, Located]:
-    """Read settings NAME=VALUE. The value is YAML, as in a task file.
+    """Return arguments by name from settings NAME=VALUE. A value is YAML, as in a task file.
 
     Args:
         settings: Texts of the form NAME=VALUE.
@@ -55,7 +55,7 @@ def located(arguments: Mapping[str, str | Located]) -> dict[str, Located]:
 
 
 def as_text(arguments: Mapping[str, Located]) -> str:
-    """Return the arguments as the text of a file."""
+    """Return the text of a YAML file with the arguments."""
     return "".join(f"{name}: {json.dumps(value.plain())}\n" for name, value in arguments.items())
 
 
@@ -68,7 +68,7 @@ def wrong(mistakes: Iterable[Mistake], arguments: Mapping[str, Located]) -> File
 
 
 def name_of(value: Located | None, arguments: Mapping[str, Located]) -> str:
-    """Return the name of the argument that has a value; empty for a value of a file."""
+    """Return the name of the argument that contains a value; empty for a value in a file."""
     if value and any(value.place.path == each.place.path for each in arguments.values()):
         return value.place.argument
     return ""

@@ -71,8 +71,8 @@ class CompiledTree:
         leaves: Its skills, in the order of the file.
         controls: Kinds and options of the nodes that have children.
         places: Places of the nodes in the files.
-        calls: Places that refer to subtrees and other tasks, by the root of each.
-        hooks: Calls the code of its skills, and records the wrong nodes.
+        calls: Places that use subtrees and other tasks, by the root node of each.
+        hooks: Caller of the hooks of its skills. It records refused inputs and wrong nodes.
         unread: Keys that a node writes and no node reads.
         stand_ins: Full names of parameters and ports without a value before the run.
     """
@@ -95,7 +95,7 @@ class TreeCompiler:
 
     Args:
         draft: The readable part of the file, and its mistakes.
-        library: Files of subtrees, poses and other tasks.
+        library: Library with subtrees, poses and other tasks.
         context: Context of the skills.
         namespace: Namespace of its keys.
     """
@@ -113,8 +113,8 @@ class TreeCompiler:
 
         Args:
             arguments: Values of the parameters of a task. If None, the file is only checked.
-                Parameters and ports then have their declared types without values; parameters of a
-                task have their defaults.
+                Parameters of a task then have their defaults. Ports, and parameters without a
+                default, have only their declared types.
         """
         file, tree, namespace = self._task, self._tree, self._tree.namespace
         self._sources.files[file.path.name] = file.text
@@ -165,7 +165,7 @@ class TreeCompiler:
         return given
 
     def _given(self, name: str, declared: Declaration, value: Value | None) -> Value | None:
-        """Check and return the value of a parameter or port, or its default, or None."""
+        """Return the checked value of a parameter or port, else its default, else None."""
         default = declared.default if isinstance(declared.default, Located) else None
         if default:
             default = self._checked(default, declared, f"the default of {name}")
@@ -180,7 +180,7 @@ class TreeCompiler:
         return Located(value.place, REFUSED, value.label)
 
     def _node(self, spec: TreeNode, scope: Scope, name: str = "") -> Behaviour:
-        """Return a node with its children. A given name replaces its own."""
+        """Compile a node with its children. A `name` replaces the name in the file."""
         self._nodes += 1
         if self._nodes > MAX_NODES:
             if self._nodes == MAX_NODES + 1:
@@ -274,7 +274,8 @@ class TreeCompiler:
         if spec.source in self._skills and spec.source not in self._library.subtrees():
             values = f": {as_mapping(spec.values).as_yaml()}" if spec.values else ""
             right = replaced_block(spec.place, [f"{label}{values}"])
-            self._wrong(spec.place, f"{label} is a skill, not a subtree: write {label}", right)
+            why = f"{label} is a skill, not a subtree: write {label} without subtree:"
+            self._wrong(spec.place, why, right)
             return self._node(SkillNode(spec.place, label, spec.values, shown), scope)
         if found := meant_file(spec, self._library):
             near, why, right = found
@@ -325,13 +326,13 @@ class TreeCompiler:
         return None
 
     def _cycle(self, label: str, way: Mapping[str, Place]) -> None:
-        """Report files that use each other. All of them get the same place."""
+        """Report files that use each other. The place does not depend on the first file."""
         names = list(way)[list(way).index(label) :]
         first = names.index(min(names))
         cycle = [*names[first:], *names[: first + 1]]
         uses = (f"{name} ({way[name].path.name}:{way[name].line})" for name in cycle[1:])
         circle = " -> ".join([cycle[0], *uses])
-        why = f"{cycle[0]} would contain itself: {circle}; leave one of them out"
+        why = f"{cycle[0]} would contain itself: {circle}; leave one of these uses out"
         self._wrong(way[cycle[0]], why)
 
     def _ports(
@@ -341,7 +342,7 @@ class TreeCompiler:
         if spec.values and not source.parameters and spec.source not in self._sources.uncertain:
             why, right = without_ports(spec, f"{what} has no {source.port}s", self._context.robot)
             first = next(iter(spec.values.values()))
-            self._mistakes.withdraw(first.label)  # a place below `with` would be wrong, too
+            self._mistakes.withdraw(first.label)  # that mistake assumes that the subtree has ports
             self._wrong(first.place, why, right)
             self._assume_used(spec.values.values(), scope)
             return {}
@@ -375,7 +376,7 @@ class TreeCompiler:
         return ports
 
     def _pose_of(self, group: str) -> str:
-        """Return the first pose of the joints of a group; empty if there is none."""
+        """Return the name of the first pose with exactly the joints of a group, or ""."""
         robot = self._context.robot
         joints = robot.actuated_in(group) if group in robot.groups else ()
         wanted = {joint.name for joint in joints}
@@ -435,7 +436,7 @@ class TreeCompiler:
         return skill
 
     def _named_key(self, value: Value, scope: Scope) -> Value:
-        """Report a text that names a key. Return the key; other values unchanged."""
+        """Report a text that is the name of a key. Return the key; else the value as given."""
         text = value.value if isinstance(value, Located) and isinstance(value.value, str) else ""
         name = reference(text)[1:] or text
         if not isinstance(value, Located) or f"{scope.namespace}/{name}" not in self._keys.written:
@@ -445,7 +446,7 @@ class TreeCompiler:
         return Key(value.place, name, value.label)
 
     def _as_subtree(self, spec: SkillNode, name: str, shown: str) -> SubtreeNode:
-        """Report a subtree that is written like a skill. Return it, with its values by port."""
+        """Report a subtree that is written like a skill. Return the node of the subtree."""
         node = SubtreeNode(spec.place, name, spec.ports, shown)
         source, mistakes = self._sources.get(node, self._mistakes), Mistakes()
         given: Mapping[str, Value] = {
@@ -463,7 +464,7 @@ class TreeCompiler:
             given = joints_by_name(named, source, "", self._context.robot, mistakes.add)
         whole = given.get("")
         is_list = isinstance(whole, Located) and isinstance(whole.value, list)
-        if whole and (name == TO_POSE or not is_list):  # only there, a list has angles
+        if whole and (name == TO_POSE or not is_list):  # only in TO_POSE, a list has angles
             target = as_positions(whole, self._context.robot)
             given = nested(target) if isinstance(target, Located) and nested(target) else given
         ports = by_port(given, source.parameters if source else {}, ("", ""), mistakes.add)
@@ -508,7 +509,7 @@ class TreeCompiler:
                 types[port] = value.declared or literal
             elif wanted.needed:
                 by = " or ".join(writers_of(port, wanted))
-                how = f"; {by} before it can write it: {port}: ${port}" if by else ""
+                how = f"; {by} can write it above: {port}: ${port}" if by else ""
                 right = with_port(spec, port) if wanted.type == "duration" else None
                 why = f"{spec.skill} needs {port}: {info.description}{how}"
                 self._wrong(spec.place, why, right)
@@ -536,7 +537,7 @@ class TreeCompiler:
     def _unnamed(self, value: Located, kind: str, what: str, port: str, scope: Scope) -> None:
         """Report an output port that has a plain value instead of a key.
 
-        A text without $ counts as that key, so that its readers are not reported too.
+        A text without $ counts as a key of that name, so that nodes that read it are not reported.
         """
         text = value.value if isinstance(value.value, str) else ""
         instead = value.instead(f"${text}") if text.isidentifier() else None
@@ -563,7 +564,7 @@ class TreeCompiler:
         """Return a literal value in the declared type, or None if it is wrong."""
 
         def wrong(place: Place, why: str, instead: Correction | None = None) -> None:
-            # Other uses may report it at the same place.
+            # Other uses of the value may report the same mistake.
             self._mistakes.add_last(place, f"{what}: {why}", instead)
 
         if wanted.type == "positions" and (said := instead_of_width(value, self._context.robot)):
@@ -587,7 +588,7 @@ class TreeCompiler:
     def _known_ports(
         self, given: Mapping[str, Value], known: Mapping[str, Declaration], what: str, scope: Scope
     ) -> dict[str, Value]:
-        """Return the values of known ports. Keys at other ports count as used."""
+        """Return the values of known ports. A key at an unknown port counts as read and written."""
         joints = [joint.name for joint in self._context.robot.joints]
         found, rest = known_ports(given, known, what, joints, self._mistakes)
         self._assume_used(rest, scope)

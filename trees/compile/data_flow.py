@@ -20,7 +20,7 @@ class Keys:
 
     Attributes:
         written: Type of every key that is certainly written, by full name.
-        unread: Keys that were written but not read, by full name.
+        unread: Keys that were written and not read since, by full name.
         writes: All keys that any node writes, by full name; the same for all copies.
         reads: Full names of all keys that any node reads; the same for all copies.
     """
@@ -48,10 +48,10 @@ class Keys:
             wanted: Type that the port accepts.
             what: Name of the port, for messages.
             mistakes: Receives mistakes.
-            writers: Names of skills that can write it, for messages.
+            writers: Names of skills that can write the key, for messages.
 
         Returns:
-            The type of the key; empty if it is not written or its type is uncertain.
+            The type of the key; empty if the key is not written, or if its type is uncertain.
         """
         name, written = short_name(key), self.written.get(key.name, "")
         self.unread.pop(key.name, None)
@@ -59,9 +59,9 @@ class Keys:
         if not written:
             there = [other for other in self.written if other.startswith(key.name[: -len(name)])]
             near = suggestion(name, [other.rpartition("/")[2] for other in there])
-            why = "; a node before it must write it"
+            why = "; write the key in an earlier node"
             why += f", such as {' or '.join(writers)}" if writers else ""
-            why += ", or a parameter or port must have this name"
+            why += ", or declare a parameter or port of this name"
             mistakes.add_last(
                 key.place, f"nothing has written ${name} when {what} reads it{near or why}"
             )
@@ -81,8 +81,8 @@ class Keys:
             line = before.place.line
             mistakes.add(
                 key.place,
-                f"${short_name(key)} is written again, but nothing reads the value from line "
-                f"{line}",
+                f"${short_name(key)} is written again, but no node reads the value that line "
+                f"{line} writes",
             )
         self.written[key.name], self.unread[key.name] = kind, key
         self.writes.setdefault(key.name, key)
@@ -113,7 +113,7 @@ class Keys:
 
 
 def _common_type(kinds: list[str]) -> str:
-    """Return the type of a key that has one of several types."""
+    """Return a type that accepts several types; else the types, joined with `_OR`."""
     one = next((kind for kind in kinds if all(type_fits(other, kind) for other in kinds)), "")
     return one or _OR.join(sorted({kind for each in kinds for kind in each.split(_OR)}))
 

@@ -18,8 +18,8 @@ class Leaf:
         place: Its place in a file.
         namespace: Namespace of its keys.
         keys: Full names of keys, by port.
-        inputs: Literal values by port. An unknown part is a StandIn.
-        written: The same values as in the file.
+        inputs: Converted literal values by port. An unknown part is a StandIn.
+        written: The same values as they are in the file, by port.
     """
 
     skill: Skill
@@ -48,7 +48,7 @@ class Leaf:
 
     @property
     def target_place(self) -> Place:
-        """Place of its first joint positions; its own place if it has no joint positions."""
+        """Place of the first joint positions; place of the skill if it has no joint positions."""
         targets = [port for port in self.written if isinstance(self.inputs[port], Positions)]
         return self.written[targets[0]].place if targets else self.place
 
@@ -61,7 +61,7 @@ def _is_partial(value: Any) -> bool:
 
 
 def _part(value: Any) -> Any:
-    """Return the known part of a value, or None."""
+    """Return the known part of a value; None if no part is known."""
     if isinstance(value, list):
         return [_part(item) for item in value]
     if not isinstance(value, Positions):

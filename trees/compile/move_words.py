@@ -1,4 +1,4 @@
-"""Other forms of joint positions: words of `armtree move`, and joints beside their angles."""
+"""Other forms of joint positions, such as the words of `armtree move` or a list of angles."""
 
 import math
 import re
@@ -28,8 +28,8 @@ def is_width(text: str) -> bool:
 def as_positions(value: Value, robot: Robot) -> Value:
     """Return joint positions in another form as a mapping. Other values are unchanged.
 
-    Other forms are the words of `armtree move`, a list of angles, and names of joints in one value
-    beside the angles in another one.
+    Other forms are the words of `armtree move`, a list of angles, and two values: the names of the
+    joints and their angles.
     """
     if isinstance(value, Located) and len(nested(value)) == 2:
         items = _paired([*nested(value).values()], robot)
@@ -51,7 +51,7 @@ def as_positions(value: Value, robot: Robot) -> Value:
 
 
 def _paired(pair: Sequence[Located], robot: Robot) -> dict[str, Located]:
-    """Return positions by joint, of one or several names of joints and their positions."""
+    """Return positions by joint from two values: names of joints and their positions."""
     names, positions = (each.value if isinstance(each.value, list) else [each] for each in pair)
     joints = [joint.name for joint in robot.actuated]
     if len(names) != len(positions) or any(name.value not in joints for name in names):
@@ -62,17 +62,18 @@ def _paired(pair: Sequence[Located], robot: Robot) -> dict[str, Located]:
 def joints_by_name(
     spec: SubtreeNode, source: TaskFile, what: str, robot: Robot, wrong: Callable[..., None]
 ) -> Mapping[str, Value]:
-    """Report names of joints at one port and their positions at another one.
+    """Report names of joints at one port and their positions at another port.
 
     Args:
         spec: Use of a subtree.
         source: The subtree.
-        what: The subtree in words.
+        what: Name of the subtree in messages.
         robot: The robot.
         wrong: Receives place, message and correction of the mistake.
 
     Returns:
-        The only port for positions, with them by joint; or the values as they are.
+        The values by port: the positions by joint at the only port for positions. If there is
+        nothing to report, the values of `spec`.
     """
     takers = [port for port, each in source.parameters.items() if each.type == "positions"]
     whole = as_mapping(spec.values)
@@ -87,10 +88,10 @@ def joints_by_name(
 
 
 def _at_width(width: str | float, robot: Robot) -> tuple[str, str] | None:
-    """Return the joint of the gripper and its angle at a width, as texts; None if unknown.
+    """Return the gripper's joint and its angle at a width, as texts; None if unknown.
 
     Args:
-        width: The width, as a text or in m.
+        width: The width: a text with a unit, or a number [m].
         robot: The robot.
 
     Raises:
@@ -116,11 +117,11 @@ def wrong_units(value: Located, robot: Robot, wrong: Callable[..., None]) -> boo
 
 
 def instead_of_width(value: Located, robot: Robot) -> tuple[Place, str, Correction | None] | None:
-    """Return the mistake of a width in place of the joint positions, or of the gripper's.
+    """Return the mistake of a width that is written where joint positions belong.
 
     Args:
         value: Joint positions in a file.
-        robot: The robot. Its gripper may accept no width.
+        robot: The robot. Some grippers accept no width.
 
     Returns:
         The place, the message and the correct line; None if no width is given.
@@ -150,6 +151,6 @@ def instead_of_width(value: Located, robot: Robot) -> tuple[Place, str, Correcti
 
 
 def _example(robot: Robot) -> tuple[str, str]:
-    """Return the joint of a gripper without widths and its boot position, as texts."""
+    """Return the joint of the gripper and its boot position, as texts, for an example."""
     joint, *_ = robot.actuated_in("gripper")
     return joint.name, f"{joint.boot:g} {joint.unit}"

@@ -1,4 +1,4 @@
-"""Names of ports in files: misspelt and unknown ones, and ports in the wrong place."""
+"""Names of ports in files: misspelt and unknown names, and ports in the wrong place."""
 
 from collections.abc import Collection, Mapping
 from dataclasses import replace
@@ -21,7 +21,7 @@ _OTHER_NAMES = {
     "position": {"pose", "xyz", "center", "location"},
     "size": {"dimensions", "scale"},
 }
-_OTHER_MEANING = {"diameter"}  # it fits the port `radius`, but would be half as large there
+_OTHER_MEANING = {"diameter"}  # fits the port `radius`, but its value is twice as large
 
 
 def known_ports(
@@ -36,7 +36,7 @@ def known_ports(
     Args:
         given: Values by port, as in the file.
         known: The ports.
-        what: Word for a port in messages; empty to report nothing.
+        what: Name for a port in messages; empty to report nothing.
         joints: Names of the joints of the robot.
         mistakes: Receives mistakes.
     """
@@ -99,7 +99,7 @@ def _may_take(declared: Declaration, value: Value) -> bool:
 def _indented(
     given: Mapping[str, Value], known: Mapping[str, Declaration], mistakes: Mistakes
 ) -> Mapping[str, Value]:
-    """Return values by port. Moves keys into the port without a value above them."""
+    """Return values by port. Move keys that are below a port without a value into this port."""
     found, inside, above = dict[str, Value](), dict[str, dict[str, Value]](), ""
     misspelt = corrections(given, known)
     for port, value in given.items():
@@ -125,7 +125,7 @@ def _indented(
 def _outside(
     given: Mapping[str, Value], known: Mapping[str, Declaration], what: str, mistakes: Mistakes
 ) -> dict[str, Value]:
-    """Return values by port. Moves ports that are written inside another port out of it."""
+    """Return values by port. Move ports that are written inside another port out of that port."""
     found = dict(given)
     for port, value in given.items():
         within = nested(value) if isinstance(value, Located) else {}
@@ -139,11 +139,11 @@ def _outside(
                 right = Correction(text, value.label.line, len(lines)) if lines else None
                 left = {each: found[each] for each in found if each != port}
                 right = right or in_braces(given, as_mapping({**left, **within}).as_yaml())
-                why = f"{port} is not a {what}; leave it out, but not what is below it"
+                why = f"{port} is not a {what}; leave out {port}, but keep the ports below it"
                 mistakes.add(value.label, why, right)
                 return {**left, **within}
             found[port], found[name] = replace(value, value=rest), within[name]
-            why = f"{name} is a {what}; write it beside {port}"
+            why = f"{name} is a {what}; write it at the level of {port}"
             mistakes.add(within[name].label, why, in_braces(given, as_mapping(found).as_yaml()))
     return found
 

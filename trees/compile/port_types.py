@@ -77,8 +77,8 @@ def wanted_at(
 ) -> Declaration:
     """Return the declaration of an input port. It may depend on the types of earlier ports.
 
-    If two ports must have the same type, a number with a unit is a quantity. As texts, they would
-    be compared by letter.
+    If two ports must have the same type, a number with a unit is a quantity. As texts, two numbers
+    would be compared by their letters.
     """
     info, wanted = kind.input_ports()[port], declarations(kind)[port]
     ports = (kind.input_ports() | kind.output_ports()).values()
@@ -99,12 +99,12 @@ def port_value(fitted: Any) -> Any:
 
 
 def type_of(value: object) -> str:
-    """Return the type of a value at a port that accepts several types."""
+    """Return the type of a converted value at a port that accepts several types."""
     return {bool: "boolean", float: "number", str: "text"}.get(type(value), ANY)
 
 
 def writers_of(port: str, wanted: Declaration) -> list[str]:
-    """Return the skills that write a type: a class, or a plain type to an output of this name."""
+    """Return the skills that can write the value of a port: a class, or an output of this name."""
     own_type = wanted.type[:1].isupper()
     return [
         name

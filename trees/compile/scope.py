@@ -19,7 +19,7 @@ class Scope:
         file: The file.
         namespace: Namespace of its keys.
         ports: Values of its ports or parameters.
-        within: Names of the files that use it, its own name, and the places of the uses.
+        within: Places that use this file and the files around it, by name of the used file.
         stand_ins: Placeholders for parameters of the task, and for ports without a value, by full
             name of the key.
     """
@@ -32,10 +32,10 @@ class Scope:
 
 
 def resolve(value: Value, scope: Scope, written: Collection[str], mistakes: Mistakes) -> Value:
-    """Replace the names in a value by their values or keys.
+    """Replace the references in a value by their values or keys.
 
     Args:
-        value: A value or reference in a file.
+        value: A value or a reference in a file.
         scope: Scope of that file.
         written: Full names of the keys that earlier nodes write.
         mistakes: Receives mistakes.
@@ -90,7 +90,7 @@ def _without_names(
         lines = value.place.replaced(name, f"${closest(name[1:], scope.file.parameters)}")
     if key in written:
         why = f"{inner} has no value before the run; a mapping or a list may contain values, and "
-        why += "parameters or ports that have one"
+        why += "parameters or ports that have a value"
     elif not near:
         more, lines = _undeclared(value.place, what, name, kind)
         why += more
@@ -99,7 +99,7 @@ def _without_names(
 
 
 def _as_here(value: Located, name: str, scope: Scope, mistakes: Mistakes) -> str:
-    """Return `$name`. Report another way to write it, such as `$(arg name)`."""
+    """Return `$name`. Report a wrong form of a reference, such as `$(arg name)`."""
     meant, what = reference(name), scope.file.port
     if meant:
         more = "" if meant[1:] in scope.file.parameters else f", and declare it with {what}s:"
@@ -109,9 +109,9 @@ def _as_here(value: Located, name: str, scope: Scope, mistakes: Mistakes) -> str
 
 
 def _undeclared(place: Place, what: str, name: str, kind: str) -> tuple[str, Correction | None]:
-    """Return advice for `$name` without a declaration, and the line that declares it."""
+    """Return advice for `$name` without a declaration, and the line that declares the name."""
     if not name[1:].isidentifier():  # a value such as $20 deg
-        return "; leave the $ out", place.replaced(name, name[1:])
+        return "; leave out the $", place.replaced(name, name[1:])
     line = f"{name[1:]}: {{type: {kind}, default: 0}}"
     advice = f"; declare it above the tree, with {what}s:, or write a value here"
     return advice, declared_above(place, f"{what}s", line)

@@ -1,4 +1,4 @@
-"""Calls of skills' hooks before a run. An error in a hook affects only its own node."""
+"""Calls of the hooks of skills before a run. An error in a hook affects only its node."""
 
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -48,7 +48,7 @@ _SHOWN = 5  # largest number of poses in a message
 
 @dataclass(frozen=True)
 class RefusedInput:
-    """An input that a skill refuses, or an exception of its code.
+    """An input that a skill refuses, or an exception that its code raises.
 
     Attributes:
         node: Node of the skill.
@@ -68,14 +68,14 @@ class RefusedInput:
 
     @property
     def mistake(self) -> Mistake:
-        """The refusal, as a mistake in a file."""
+        """The refusal as a mistake in a file."""
         inside = port_of_subtree(self.place, self.kind)
         words = str(self.error) if inside else f"{self.kind}: {self.error}"
         return Mistake(self.place, words, self.instead)
 
 
 def port_of_subtree(place: Place, skill: str) -> str:
-    """Return the port of a subtree that has a value; empty if the value is written at the skill.
+    """Return the port of the subtree at which a value is written; empty if it is at the skill.
 
     A skill inside a subtree has no name in messages, because the user did not write it.
     """
@@ -84,7 +84,7 @@ def port_of_subtree(place: Place, skill: str) -> str:
 
 
 def named_port(place: Place, skill: str, port: str) -> str:
-    """Return the name for a port of a skill in messages about a value."""
+    """Return the name of the port that has a value, for messages."""
     return port_of_subtree(place, skill) or f"{skill}.{port}"
 
 
@@ -92,11 +92,11 @@ class SkillHooks:
     """Calls the hooks of the skills of one tree, and checks their results.
 
     Args:
-        doubtful: Nodes that are known to be wrong.
+        doubtful: Nodes that are wrong from the start.
 
     Attributes:
-        doubtful: Wrong nodes. Their effect is unknown.
-        saved: Joint positions [rad] by joint name, by name of the pose. Messages suggest them.
+        doubtful: Nodes that are known to be wrong. Their effects are unknown.
+        saved: Joint positions [rad] by joint name, by name of the pose. Messages suggest the poses.
     """
 
     def __init__(self, doubtful: Iterable[Behaviour] = ()) -> None:
@@ -106,7 +106,7 @@ class SkillHooks:
 
     @property
     def mistakes(self) -> list[Mistake]:
-        """All refusals, as mistakes in files."""
+        """All refusals as mistakes in files."""
         return [refusal.mistake for refusal in self.refused]
 
     @property
@@ -115,7 +115,7 @@ class SkillHooks:
         return list(self._refused.values())
 
     def make(self, kind: type[Skill], name: str, context: Context, place: Place) -> Behaviour:
-        """Return a new skill, or a placeholder if its constructor fails."""
+        """Return a new skill, or a placeholder if the constructor of the skill fails."""
         made, faults = _result(kind, "__init__", lambda: kind(name, context), _MADE)
         if made is not None:
             return made
@@ -125,7 +125,7 @@ class SkillHooks:
         return node
 
     def validate(self, leaf: Leaf, robot: Robot) -> None:
-        """Let a skill validate its inputs."""
+        """Let a skill validate its inputs, and record the refused ones with corrections."""
         kind = type(leaf.skill)
         inputs = {**leaf.known, **leaf.partial} if kind.validates_partial else leaf.known
         _, faults = _result(kind, "validate", lambda: kind.validate(robot, inputs), _ANY)
@@ -156,7 +156,7 @@ class SkillHooks:
     def _other_pose(
         self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], fault: BadTarget, value: Located
     ) -> Correction | None:
-        """Return the line with a pose that a skill accepts. Add the names of all to the error."""
+        """Return the line with a pose that the skill accepts. Name all such poses in `fault`."""
         port = str(fault.location[0])
         if not isinstance(leaf.written[port].value, str) or not isinstance(value.value, str):
             return None
@@ -166,7 +166,7 @@ class SkillHooks:
             if _accepts(leaf, robot, {**inputs, port: Positions(pose)}, (port,))
         ]
         if fitting:
-            are = "pose of it is" if len(fitting) == 1 else "poses of it are"
+            are = "pose that fits is" if len(fitting) == 1 else "poses that fit are"
             # The exception may be raised again.
             words = str(fault).partition("; saved ")[0]
             fault.args = (f"{words}; saved {are} {', '.join(fitting[:_SHOWN])}",)
@@ -177,12 +177,12 @@ class SkillHooks:
         return self._call(leaf, "min_duration", _DURATION, leaf.known) or 0.0
 
     def poses(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> list[Pose]:
-        """Return the configurations to which inputs move the arm [rad]; empty for a wrong skill."""
+        """Return the configurations to which a skill moves [rad]; empty if the skill is wrong."""
         wanted = _list_of_poses(len(robot.actuated))
         return self._call_sound(leaf, "poses", wanted, robot, inputs) or []
 
     def waypoints(self, leaf: Leaf, robot: Robot, inputs: Mapping[str, Any]) -> list[Pose]:
-        """Return the waypoints before the goal: values of the arm's own joints [rad]."""
+        """Return the waypoints before the goal: positions of the joints of group `arm` [rad]."""
         wanted = _list_of_poses(len(robot.actuated_in("arm")))
         return self._call_sound(leaf, "waypoints", wanted, robot, inputs) or []
 
@@ -197,11 +197,11 @@ class SkillHooks:
         return body
 
     def _call_sound(self, leaf: Leaf, hook: str, wanted: "_Wanted", *arguments: object) -> Any:
-        """Call a hook. Return None if it fails, or if the node is wrong."""
+        """Call a hook. Return None if the hook fails, or if the node is wrong."""
         return None if leaf.skill in self.doubtful else self._call(leaf, hook, wanted, *arguments)
 
     def _call(self, leaf: Leaf, hook: str, wanted: "_Wanted", *arguments: object) -> Any:
-        """Call a hook. Return None if it fails."""
+        """Call a hook. Return None if the hook fails."""
         kind = type(leaf.skill)
         answer, faults = _result(kind, hook, lambda: getattr(kind, hook)(*arguments), wanted)
         for fault in faults:
@@ -229,7 +229,7 @@ class _Wanted:
 def _result(
     kind: type[Skill], what: str, call: Callable[[], _Answer], wanted: _Wanted
 ) -> tuple[_Answer | None, Sequence[Fault]]:
-    """Call a hook. Return its result, or None and the causes of its failure."""
+    """Call a hook. Return its result and no causes, or None and the causes of its failure."""
     where = f"{kind.__name__}.{what}"
     try:
         answer = call()
@@ -274,7 +274,7 @@ def _is_made(made: object) -> bool:
 
 
 _ANY = _Wanted("anything", lambda _: True)
-_MADE = _Wanted("what super().__init__(name, context) makes", _is_made)
+_MADE = _Wanted("a skill that called super().__init__(name, context)", _is_made)
 _DURATION = _Wanted("a number", _is_duration)
 _TOOL_QUERY = _Wanted(
     "a ToolQuery or None", lambda query: query is None or isinstance(query, ToolQuery)
@@ -304,7 +304,7 @@ def _nearest(
 ) -> Correction | None:
     """Return the line with the nearest position within the limits, or with a known joint.
 
-    Add the radians of an angle without a unit to the error.
+    If an angle has no unit, add the angle and its limit in radians to the message of `fault`.
     """
     port, joint = (*map(str, fault.location), "", "")[:2]
     (place, value), given = _refused(leaf, fault), inputs.get(port)
@@ -332,7 +332,7 @@ def _nearest(
 
 
 def _completed(robot: Robot, value: Located, joint: str) -> Correction | None:
-    """Return joint values with the boot positions of the missing joints, such as this one."""
+    """Return the lines of joint values with the boot positions of the missing joints added."""
     given, group = nested(value), next((g for g in robot.groups if joint in robot.groups[g]), "")
     if not given or not group or joint in given:
         return None
@@ -343,7 +343,7 @@ def _completed(robot: Robot, value: Located, joint: str) -> Correction | None:
 def _accepts(
     leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], location: tuple[str | int, ...]
 ) -> bool:
-    """Return True if a skill accepts its inputs, at a location; () for all of them."""
+    """Return True if a skill accepts the input at a location. The location () is all inputs."""
     kind, within = type(leaf.skill), len(location)
     _, faults = _result(kind, "validate", partial(kind.validate, robot, inputs), _ANY)
     broken = any(isinstance(fault, SkillBroken) for fault in faults)
@@ -353,7 +353,7 @@ def _accepts(
 def _in_smaller_unit(
     leaf: Leaf, robot: Robot, inputs: Mapping[str, Any], error: Fault
 ) -> tuple[str, str] | None:
-    """Return the unit of a refused number, and a smaller unit in which it is valid."""
+    """Return the unit of a refused number, and a smaller unit in which the number is valid."""
     kind, (_, value) = type(leaf.skill), _refused(leaf, error)
     if value is None or not isinstance(error, SkillError):
         return None
@@ -365,7 +365,7 @@ def _in_smaller_unit(
     for text, factor in in_smaller_units(items[0].value, unit):
         scaled = {**inputs, port: _scaled(inputs.get(port), factor)}
         numbers = [each.value * factor for each in items if isinstance(each.value, int | float)]
-        # A position is not near the origin, where the arm stands. A size may be small.
+        # The base of the arm is at the origin, so a position is not near it. A size may be small.
         far = declared.least is None and max(map(abs, numbers)) <= robot.reach
         if (far or not found) and _accepts(leaf, robot, scaled, error.location):
             found = text.split()[1]
@@ -380,7 +380,7 @@ def _with_unit(value: Located, unit: str) -> str:
 
 
 def _scaled(value: Any, factor: float) -> Any:
-    """Return a value with all its numbers multiplied."""
+    """Return a value with all its floats multiplied by a factor."""
     if isinstance(value, Mapping):
         changed: Any = copy(value)  # keeps the joints with unknown positions
         changed.update((key, _scaled(each, factor)) for key, each in value.items())

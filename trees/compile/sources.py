@@ -15,7 +15,7 @@ from .move_words import wrong_units
 
 
 class _AnyPose(dict[str, Mapping[str, float]]):
-    """Poses of an unreadable file. Any name may be one of them, so no name is reported."""
+    """The poses of unreadable files. Every name may be a pose, so no name is reported."""
 
     def __contains__(self, name: object) -> bool:
         return True
@@ -25,14 +25,14 @@ class _AnyPose(dict[str, Mapping[str, float]]):
 
 
 class Sources:
-    """Reads files for one tree, and records the used ones.
+    """Reads the files of one tree, and records the used files.
 
     Args:
         library: Library of the files.
 
     Attributes:
         files: Texts of the files that were used, by name.
-        uncertain: Numbers and names of files with unreadable parameters or ports.
+        uncertain: Numbers of tasks and names of subtrees with unreadable parameters or ports.
         poses: Joint positions [rad] by joint name, by name of the pose.
     """
 
@@ -45,7 +45,7 @@ class Sources:
         self.poses: Mapping[str, Mapping[str, float]] = {}
 
     def load_poses(self, mistakes: Mistakes, robot: Robot) -> None:
-        """Read all poses, and check the units of their values."""
+        """Read all poses into `poses`, and check the units of their values."""
         try:
             files, wrong = self._library.draft_poses()
         except FileError as error:
@@ -63,7 +63,7 @@ class Sources:
             _, self._pose_files = self._library.poses()
 
     def use_poses(self) -> None:
-        """Record that a pose was used."""
+        """Record in `files` that a pose was used."""
         self.files |= self._pose_files
 
     def get(self, spec: SubtreeNode, mistakes: Mistakes) -> TaskFile | None:
@@ -93,7 +93,7 @@ class Sources:
 def with_joints(
     mistakes: Sequence[Mistake], files: Sequence[PosesFile], robot: Robot
 ) -> list[Mistake]:
-    """Return mistakes of poses. Lists of values, and poses in poses, get the names of joints."""
+    """Return mistakes of poses. For a list of values or a pose in a pose, suggest joint names."""
     groups = [[joint.name for joint in robot.actuated_in(group)] for group in robot.groups]
     poses, better = poses_of(files), dict[Place, Mistake]()
     for pose in (pose for file in files for pose in file.labels.values()):

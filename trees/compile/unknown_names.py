@@ -19,8 +19,8 @@ from trees.reading.specs import SkillNode, SubtreeNode, Value
 from .move_words import as_positions, is_width
 from .values_by_port import as_mapping, fits
 
-TO_POSE, TO_POINT = "move_joints", "move_tool"  # shipped subtrees that move
-_OTHER_NAMES = {"movej": TO_POSE, "movel": TO_POINT}  # in the languages of other robots
+TO_POSE, TO_POINT = "move_joints", "move_tool"  # shipped subtrees that move the arm
+_OTHER_NAMES = {"movej": TO_POSE, "movel": TO_POINT}  # their names in the languages of other robots
 
 
 def meant(
@@ -32,7 +32,7 @@ def meant(
 ) -> str:
     """Return the likely skill, kind of node or subtree for an unknown name; empty if unclear."""
     value, subtrees = spec.ports.get(""), library.subtrees()
-    begun, poses = _begun(spec.skill, subtrees), {*poses}  # an unreadable file has no known pose
+    begun, poses = _begun(spec.skill, subtrees), {*poses}  # empty if a file of poses is unreadable
     if spec.skill in poses and not spec.ports and TO_POSE in subtrees and not begun:
         return TO_POSE
     text = value.value if isinstance(value, Located) else None
@@ -62,7 +62,7 @@ def meant(
 def _by_other_name(
     spec: SkillNode, skills: Mapping[str, type[Skill]], subtrees: Collection[str]
 ) -> str:
-    """Return the skill or subtree that a name or a point means in another program, or ""."""
+    """Return the skill or subtree for a name of another program, or for a point; else ""."""
     word = re.sub(r"_?(cmd|command|action|node|skill|step)$", "", spec.skill.lower())
     named = (name for name, kind in skills.items() if word in kind.synonyms)
     to_point = TO_POINT if [*spec.ports] == ["x", "y", "z"] else ""
@@ -71,7 +71,7 @@ def _by_other_name(
 
 
 def target_pose(ports: Mapping[str, Value], poses: Collection[str]) -> Located | None:
-    """Return the only value at ports that is a pose, such as the target of a MoveIt group."""
+    """Return the only value at ports that is a pose, such as the target of a group; or None."""
     values = [each for each in ports.values() if isinstance(each, Located)]
     named = [each for each in values if isinstance(each.value, str) and each.value in [*poses]]
     return named[0] if len(named) == 1 and "" not in ports else None
@@ -80,9 +80,9 @@ def target_pose(ports: Mapping[str, Value], poses: Collection[str]) -> Located |
 def meant_file(
     spec: SubtreeNode, library: Library
 ) -> tuple[str | int, str, Correction | None] | None:
-    """Return the likely file for an unknown one, the message and the correct line.
+    """Return the likely file for an unknown file, the message and the correct line.
 
-    The file is "" if it is unclear. The result is None if there is nothing to report here.
+    The file is "" if no file is likely. The result is None if the file exists.
     """
     source, tasks, subtrees = spec.source, library.names(), library.subtrees()
     if not isinstance(source, str) or not source:
@@ -99,7 +99,7 @@ def meant_file(
         return None
     elif source in tasks:
         file = tasks[source]
-        why = f"{source} is a task, not a subtree; write task: {file}"
+        why = f"{source} is a task, not a subtree: write task: {file}"
     else:
         file, there = _meant_subtree(source, spec.values, library)
         why = f"no subtree {source}; {there}"
@@ -112,14 +112,14 @@ def meant_file(
 
 
 def _meant_subtree(source: str, values: Mapping[str, Value], library: Library) -> tuple[str, str]:
-    """Return the likely subtree for an unknown one, or "", and the subtrees that exist in words."""
+    """Return the likely subtree for an unknown name, or "", and advice for the message."""
     subtrees = library.subtrees()
     if (begun := _begun(source, subtrees))[1:]:
         near = _taking(source, values, library)
         return near, f"there are the subtrees {', '.join(begun)}{did_you_mean(near)}"
     there, stem = there_are(source, subtrees), re.split(r"[/\\]", source)[-1].removesuffix(".yaml")
     if stem in subtrees:
-        return stem, f"write its name, without its folder: {stem}"
+        return stem, f"write the name without the folder: {stem}"
     near = closest(source, subtrees)
     if near and (other := only_taker(values, library)) and other != near:
         return other, did_you_mean(other).removeprefix("; ")
@@ -137,9 +137,9 @@ def _first(skill: str) -> str:
 
 
 def _taking(word: str, values: Mapping[str, Value], library: Library) -> str:
-    """Return the subtree that takes the given values, if its name begins with a word.
+    """Return the subtree that takes the given values, and whose name begins with a word.
 
-    If none does, return the only other subtree that takes them; empty if unclear.
+    If there is none, return the only subtree that takes the values; empty if there are several.
     """
     names = library.subtrees()
     found = [*_takers(values, _begun(word, names), library)] or [*_takers(values, names, library)]
@@ -153,7 +153,7 @@ def only_taker(values: Mapping[str, Value], library: Library) -> str:
 
 
 def _takers(values: Mapping[str, Value], names: Collection[str], library: Library) -> Iterator[str]:
-    """Return the subtrees that take the given ports, or values without the name of the port."""
+    """Yield the subtrees that take values at these ports, or a value without a port."""
     for name in names:
         with suppress(FileError):
             ports = library.draft(name)[0].parameters
@@ -181,7 +181,7 @@ def without_ports(spec: SubtreeNode, what: str, robot: Robot) -> tuple[str, Corr
 
 
 def nodes(skills: Collection[str]) -> tuple[str, ...]:
-    """Return the keys that may begin a node: skills, kinds of nodes, `subtree` and `task`."""
+    """Return the keys that can begin a node: skills, kinds of nodes, `subtree` and `task`."""
     return (*skills, *KINDS, "subtree", "task")
 
 
@@ -190,7 +190,7 @@ def why_unknown(skill: str, skills: Collection[str], subtrees: Collection[str]) 
     if begun := _begun(skill, subtrees):
         return f"no skill {skill}; there are the subtrees {', '.join(begun)}"
     if skill.lower() in ("run", "goto", "call", "execute"):
-        return f"no skill {skill}; a task runs another one with task: 1, its number"
+        return f"no skill {skill}; to run another task, write its number, such as task: 1"
     if near := synonyms().get(skill):
         return f"no skill {skill}{did_you_mean(near)}"
     there, the_skills = there_are(skill, nodes(skills)), "them"
@@ -202,5 +202,5 @@ def why_unknown(skill: str, skills: Collection[str], subtrees: Collection[str]) 
 
 
 def is_nothing(value: Value) -> bool:
-    """Return True if nothing is written after a colon."""
+    """Return True if a value is empty: nothing is written after the colon."""
     return isinstance(value, Located) and value.value is None

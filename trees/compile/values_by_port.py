@@ -27,7 +27,7 @@ def by_port(
     Args:
         given: Values by port, as the file has them.
         declared: The ports.
-        named: Name of the node in messages; name of the key before the values.
+        named: Name of the node in messages, and name of the key above the values.
         wrong: Receives the place, the message and the correction.
     """
     what, key = named
@@ -81,7 +81,7 @@ def _assigned(
     named: tuple[str, str],
     wrong: Callable[..., None],
 ) -> Mapping[str, Value]:
-    """Report `name = value`, or `name: value`, for an input and an output. Return both by port."""
+    """Report `name = value` at a node with one input and one output. Return both by port."""
     names = {each.output: port for port, each in declared.items()}
     whole = given.get("", as_mapping(given))
     text = whole.value if isinstance(whole, Located) and "" in given else None
@@ -102,7 +102,7 @@ def _assigned(
 def _from_pairs(
     value: Value, declared: Mapping[str, Declaration], wrong: Callable[..., None]
 ) -> Mapping[str, Value]:
-    """Report a text such as `arm = upright`. Return its values by port; empty for other values."""
+    """Report a text such as `arm = upright`. Return the values by port; empty for other values."""
     text = value.value if isinstance(value, Located) and isinstance(value.value, str) else ""
     pairs = dict(as_pairs(text)) if "=" in text else {}
     lines = block(value.place) if text else []
@@ -110,7 +110,7 @@ def _from_pairs(
         return {}
     place, written = value.place, ", ".join(f"{port}: {each}" for port, each in pairs.items())
     right = value.instead(f"{{{written}}}")
-    if lines[1:]:  # one line for each
+    if lines[1:]:  # one line for each port
         right = replaced_block(place, [f"{port}: {each}" for port, each in pairs.items()])
     why = f"a colon separates `{next(iter(pairs))}` from its value, not `=`"
     wrong(place, why, right)
@@ -120,7 +120,7 @@ def _from_pairs(
 def _one_each(
     value: Value, ports: Sequence[str], named: tuple[str, str], wrong: Callable[..., None]
 ) -> Mapping[str, Value]:
-    """Report a list or several words, one for each port. Return them by port, or nothing."""
+    """Report a list or several words, one for each port. Return them by port; empty otherwise."""
     items = _values(value)
     if len(items) != len(ports) or len(ports) < 2:
         return {}
@@ -133,7 +133,7 @@ def _one_each(
 
 
 def _values(value: Value) -> list[Located]:
-    """Return the items of a list, or the words and numbers in a text."""
+    """Return the items of a list, or the words and numbers in a text; empty for other values."""
     if isinstance(value, Key) or not isinstance(value.value, list | str):
         return []
     if isinstance(value.value, list):
@@ -143,7 +143,7 @@ def _values(value: Value) -> list[Located]:
 
 
 def in_braces(given: Mapping[str, Value], written: str) -> Correction | None:
-    """Return the line with a new mapping in place of one in braces, which has the given values."""
+    """Return the line in which `written` replaces the braces around the given values."""
     label = next(iter(given.values())).label
     bracket = replace(label, column=label.column - 1)
     return bracket.replaced(bracket.brackets, written)
@@ -172,14 +172,14 @@ def with_more(
 
 
 def _in_quotes(value: Value) -> Value:
-    """Return a number or a boolean as the text that is written; other values unchanged."""
+    """Return a number or boolean as the text in the file; return other values unchanged."""
     if isinstance(value, Located) and isinstance(value.value, int | float):
         return replace(value, value=value.as_yaml())
     return value
 
 
 def as_mapping(given: Mapping[str, Value]) -> Located:
-    """Return values by port as one value. Its label is the place of the first key."""
+    """Return values by port as one mapping. The label of the mapping is that of the first value."""
     items = {
         port: Located(each.place, f"${each.name}", each.label) if isinstance(each, Key) else each
         for port, each in given.items()
@@ -210,13 +210,13 @@ def as_subtree(
 
 
 def with_port(spec: SkillNode, port: str) -> Correction | None:
-    """Return the correction of a skill without values: one port, with a time."""
+    """Return the line of a skill without values, with an example time at one port."""
     alone = block(spec.place) == [spec.skill]
     return replaced_block(spec.place, [f"{spec.skill}: {{{port}: 1 s}}"]) if alone else None
 
 
 def fits(value: Located, wanted: Declaration) -> bool:
-    """Return True if a mapping without references fits a declaration."""
+    """Return True if a mapping or a list without references fits a declaration."""
     listed = isinstance(value.value, list) and wanted.type.startswith(LIST)
     if not (wanted.type == "positions" or listed) or not value.value:
         return False

@@ -1,1 +1,1 @@
-"""Trees as pictures, Groot2 files and JSON Schema."""
+"""Exports trees as pictures, tables and Groot2 files, and the JSON Schema of task files."""

@@ -12,10 +12,10 @@ from .outline import Entry
 
 
 class Look(NamedTuple):
-    """Drawing of the status of a node.
+    """How drawings show the status of a node.
 
     Attributes:
-        glyph: Character before its name.
+        glyph: Character before the name of the node.
         ink: Colour of the text in a terminal.
         fill: Colour of the box in a drawing.
     """
@@ -37,7 +37,7 @@ _WIDTH, _LINE, _GAP = 7.3, 16, 14  # width of a character, height of a line, gap
 
 
 def as_text(root: Entry, ports: bool) -> str:
-    """Return the tree as text for a terminal."""
+    """Return the tree as text for a terminal, with values and keys if `ports` is True."""
     return "\n".join(_lines(root, "", "", ports))
 
 
@@ -61,7 +61,7 @@ def _inked(entry: Entry) -> str:
 
 
 def as_mermaid(root: Entry, ports: bool) -> str:
-    """Return a Mermaid flowchart."""
+    """Return a Mermaid flowchart of the tree."""
     numbers = {id(entry): f"n{number}" for number, entry in enumerate(root.walk())}
     lines = ["flowchart TD"]
     for entry in root.walk():
@@ -79,7 +79,7 @@ def _mermaid(text: str) -> str:
 
 
 def as_dot(root: Entry, ports: bool) -> str:
-    """Return a Graphviz graph."""
+    """Return a Graphviz graph of the tree in DOT."""
     numbers = {id(entry): f"n{number}" for number, entry in enumerate(root.walk())}
     lines = ["digraph tree {", "    ordering=out; node [fontname=Helvetica, fontsize=11];"]
     for entry in root.walk():
@@ -96,7 +96,7 @@ def _quoted(text: str) -> str:
 
 
 def as_svg(root: Entry, ports: bool) -> str:
-    """Return an SVG drawing, from left to right."""
+    """Return an SVG drawing of the tree, from left to right."""
     labels = {id(entry): _label(entry, ports) for entry in root.walk()}
     shapes: list[str] = []
     columns = _columns(root, labels, 0, {})
@@ -133,7 +133,7 @@ def _draw(
     top: float,
     shapes: list[str],
 ) -> tuple[float, float]:
-    """Draw a node and all below it. Return the y of its lower edge and of its middle [px]."""
+    """Draw a node and all nodes below it. Return the y of their lower edge and its middle [px]."""
     lines = labels[id(entry)]
     left = 10.0 + sum(columns[level] + 40.0 for level in range(depth))
     own, bottom, middles = len(lines) * _LINE + 10.0, top, []

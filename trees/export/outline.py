@@ -1,4 +1,4 @@
-"""The outline of a tree. Drawings and files of other programs are made from it."""
+"""The outline of a tree: the source of drawings and of files for other programs."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
@@ -13,7 +13,7 @@ from trees.nodes.kind import Control
 
 @dataclass(frozen=True)
 class Entry:
-    """One node.
+    """One node of an outline.
 
     Attributes:
         name: Name of the node.
@@ -22,10 +22,10 @@ class Entry:
         ports: Values and keys at its ports, by port. Values are text; keys begin with $.
         outputs: Names of the ports that it writes.
         keys: Names of the ports that have a key.
-        skill: Its skill, if it is a leaf; None if it was read from a recording.
-        control: Its kind and options if it has children; None if it was read from a recording.
+        skill: Class of the skill; None for a node with children, or from a recording.
+        control: Kind and options of a node with children; None for a skill, or from a recording.
         state: Last status in a run, a key of `drawings.LOOKS`; empty without a run.
-        note: Time and message of that status.
+        note: Time and message of `state`.
     """
 
     name: str
@@ -45,12 +45,12 @@ class Entry:
         return self.name if self.name == self.kind else f"{self.name} ({self.kind})"
 
     def wiring(self) -> list[str]:
-        """Return one line per port."""
+        """Return one line of text per port."""
         arrows = {port: "->" if port in self.outputs else "=" for port in self.ports}
         return [f"{port} {arrows[port]} {value}" for port, value in self.ports.items()]
 
     def walk(self) -> "Iterator[Entry]":
-        """Return the entry and all below it, parents first."""
+        """Yield the entry and all entries below it, parents first."""
         yield self
         for child in self.children:
             yield from child.walk()

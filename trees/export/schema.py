@@ -207,7 +207,7 @@ def _quantity(kind: str) -> Schema:
     units = "|".join(UNITS[kind])
     text = {"type": "string", "pattern": f"^[-+]?[0-9.]+([eE][-+]?[0-9]+)? ?({units})$"}
     unit = next(iter(UNITS[kind]))
-    return {"anyOf": [{"type": "number"}, text], "description": f"a bare number is in {unit}"}
+    return {"anyOf": [{"type": "number"}, text], "description": f"without a unit, it is in {unit}"}
 
 
 def _positions() -> Schema:

@@ -12,7 +12,7 @@ from trees.declarations import Declaration
 
 from .kind import ControlNodeKind, Element, Flow, Node, Options, PossibleOutcomes, all_of, any_of
 
-# Period in which nodes without memory repeat their conditions while a later child runs [s].
+# Period of the checks of the earlier children of a node without memory [s].
 RECHECK_PERIOD = 0.1
 
 _MEMORY = {
@@ -24,17 +24,18 @@ _MEMORY = {
 }
 
 
-_IF = "there is no if: a selector runs its nodes until one succeeds; begin it with the "
-_UNTIL = "a selector runs its nodes, begun with a `-`, until one succeeds"
+_IF = "there is no if: a selector runs its nodes until one succeeds; begin the "
+_IF += "selector with the "
+_UNTIL = "a selector runs its nodes until one succeeds; begin each node with a `-`"
 _TRY, _ON_FAILURE = (f"there is no {word}: {_UNTIL}" for word in ("try", "on_failure"))
 _ONE_CASE = f"{_IF}inverted condition"
 _SWITCH = "there is no switch: a selector runs its nodes until one succeeds; write a sequence for "
-_SWITCH += "each case, which begins with its condition"
+_SWITCH += "each case, with its condition as the first node"
 _TWO_CASES = f"{_IF}sequence of one case, which begins with the condition"
 
 
 class _Reactive:
-    """Mixin for nodes without memory, which check the earlier children while a later one runs."""
+    """Mixin for nodes without memory. While a child runs, they check the children before it."""
 
     status: Status
 
@@ -49,15 +50,15 @@ class _Reactive:
 
 
 class ReactiveSequence(_Reactive, composites.Sequence):
-    """A sequence without memory: while a later child runs, it repeats the earlier ones."""
+    """A sequence without memory: while a child runs, it repeats the earlier children."""
 
 
 class ReactiveSelector(_Reactive, composites.Selector):
-    """A selector without memory: while a later child runs, it repeats the earlier ones."""
+    """A selector without memory: while a child runs, it repeats the earlier children."""
 
 
 class _SequentialKind(ControlNodeKind, register=False):
-    """Children that run one after the other, with or without memory.
+    """A kind of node that runs its children one after the other, with or without memory.
 
     Attributes:
         with_memory: Class of a node with memory.

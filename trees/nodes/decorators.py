@@ -67,7 +67,7 @@ class TimeoutKind(ControlNodeKind):
         return PossibleOutcomes(child.succeeds, True, child.shortest)
 
     def groot(self, options: Options) -> list[Element]:
-        """Return the node of BehaviorTree.CPP. An unknown time is exported without a limit."""
+        """Return the node of BehaviorTree.CPP. A time that is not known yet becomes 0: no limit."""
         after = options["after"]
         return [("Timeout", {"msec": str(round(after * 1000) if math.isfinite(after) else 0)})]
 
@@ -89,7 +89,7 @@ class _ResultKind(ControlNodeKind, register=False):
 
 
 class InverterKind(_ResultKind):
-    """Fails if its child succeeds, and succeeds if it fails."""
+    """Fails if its child succeeds, and succeeds if its child fails."""
 
     name = "inverter"
     decorator = Inverter

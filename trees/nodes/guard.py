@@ -72,7 +72,7 @@ class GuardKind(ControlNodeKind):
     condition = "while"
     synonyms = ("when",)
     keywords = {
-        "do": "there is no do: a guard runs its node while a condition holds; write guard: for do:"
+        "do": "there is no do: a guard runs its node while a condition holds; write guard:, not do:"
     }
     may_halt = True
     node = Guard
@@ -84,8 +84,8 @@ class GuardKind(ControlNodeKind):
         """Report a condition that may take several ticks."""
         for below in node.below()[1].lasting():
             below.wrong(
-                f"{below.name} may take several ticks, but the condition of while must end in one. "
-                "The guard already repeats it"
+                f"{below.name} may take several ticks, but the condition of while must end in one "
+                "tick. The guard already repeats the check"
             )
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:

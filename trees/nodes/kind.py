@@ -61,22 +61,22 @@ class Node(Protocol):
     halted: bool
 
     def below(self) -> Sequence["Node"]:
-        """Return its children."""
+        """Return the children of the node."""
 
     def moves(self) -> bool:
-        """Return True if a skill in it moves the arm."""
+        """Return True if a skill in the node moves the arm."""
 
     def action(self) -> str:
-        """Return the name of its first skill that is not a condition, or ""."""
+        """Return the name of the first skill in the node that is not a condition, or ""."""
 
     def lasting(self) -> Iterator["Node"]:
-        """Return the nodes in it that may take longer than one tick."""
+        """Yield the nodes that may take several ticks: this node, and nodes below it."""
 
     def is_constant(self) -> bool:
-        """Return True if its result depends only on values that are known before the run."""
+        """Return True if the result depends only on values that are known before the run."""
 
     def child(self, number: int, halted: bool) -> PossibleOutcomes:
-        """Return the possible outcomes of a child that may be halted, or is never halted."""
+        """Return the possible outcomes of a child; `halted` is True if it may be halted."""
 
     def children(self, halted: bool) -> list[PossibleOutcomes]:
         """Return the possible outcomes of all children."""
@@ -86,7 +86,7 @@ class Node(Protocol):
 
         Args:
             continues: True for every child after which the next one can run.
-            how: Word for the end of a child after which the next one runs, for the message.
+            how: How a child must end so that the next child runs: "succeeds" or "fails".
         """
 
     def wrong(self, message: str, option: str = "", missing: str = "", kind: str = "") -> None:
@@ -94,13 +94,13 @@ class Node(Protocol):
 
         Args:
             message: The mistake.
-            option: The wrong option; empty for the whole node.
-            missing: An option that the node lacks; empty for none.
-            kind: Kind of control node that it should be; empty for its own.
+            option: The wrong option; empty if the whole node is wrong.
+            missing: An option that the node lacks; empty if it lacks none.
+            kind: Correct kind of control node; empty if the kind is not wrong.
         """
 
     def too_slow(self, option: str, shortest: float) -> None:
-        """Report that its child takes longer than the time of an option.
+        """Report that the child of the node takes longer than the time of an option.
 
         Args:
             option: The option.
@@ -115,7 +115,7 @@ class ControlNodeKind(ABC):
 
     Attributes:
         name: Its key in task files.
-        options: Keys that may be written beside the key of the node.
+        options: Keys at the level of the key of the node, with their declarations.
         placeholders: Assumed values of options that are unknown before the run, for the analysis.
             Default: the default of the option.
         many: True if it has a list of children, False if it has one.
@@ -129,10 +129,10 @@ class ControlNodeKind(ABC):
         node: Class of its nodes. The arguments are name, child, context, and the options by name;
             with a `condition`, a list of both children in place of the child.
         groot_tag: Name of the equivalent node of BehaviorTree.CPP, if that node has no ports.
-        synonyms: Names of it in other languages and libraries, for corrections.
-        other_options: Its options by their names in other libraries.
-        keywords: Keywords of programming languages that mean this kind but take other nodes below
-            them, each with its message.
+        synonyms: Names of the kind in other languages and libraries, for corrections.
+        other_options: Names of its options, by their names in other libraries.
+        keywords: Messages for similar keywords of programming languages, by keyword. The nodes
+            below such a keyword have another form.
     """
 
     name: ClassVar[str]
@@ -183,11 +183,11 @@ class ControlNodeKind(ABC):
         return 1
 
     def lasts(self, options: Options) -> bool:
-        """Return True if it may take several ticks even if its children end at once."""
+        """Return True if the node may take several ticks even if its children end at once."""
         return self.lasting
 
     def check(self, node: Node) -> None:
-        """Report mistakes that do not depend on the outcomes of its children."""
+        """Report mistakes that do not depend on the outcomes of the children."""
         return
 
     @abstractmethod
@@ -195,9 +195,9 @@ class ControlNodeKind(ABC):
         """Return the possible outcomes of a node, and report mistakes."""
 
     def groot(self, options: Options) -> list[Element]:
-        """Return the equivalent nodes of BehaviorTree.CPP, each around the next one.
+        """Return the equivalent nodes of BehaviorTree.CPP, each the parent of the next node.
 
-        A condition comes before the node that it guards.
+        The condition of a guard becomes the first child.
         """
         return [(self.groot_tag, {})]
 
@@ -212,10 +212,10 @@ def reserved_names() -> set[str]:
 
 @dataclass(frozen=True, slots=True)
 class Control:
-    """The source of a compiled node.
+    """Kind and options of a compiled node.
 
     Attributes:
-        kind: Its kind.
+        kind: Kind of the node.
         options: Values of its options.
         places: Places of the options that the file gives.
     """
@@ -248,7 +248,7 @@ def duration(description: str, default: float | None = None, least: float = 0.0)
 
 
 def count(description: str, optional: bool = False) -> Declaration:
-    """Declare an option that is a number of times."""
+    """Declare an option that is a count, from 1 to 1,000,000."""
     return Declaration(
         "integer", optional=optional, least=1, most=1_000_000, description=description
     )

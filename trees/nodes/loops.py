@@ -38,7 +38,7 @@ class Loop(Decorator):
         Args:
             share: Progress of the child, from 0 to 1; None if unknown.
         """
-        # Between rounds, the share is of the last one.
+        # Between two rounds, `share` belongs to the round that has ended.
         return None if self._next is not None else share
 
     def initialise(self) -> None:
@@ -55,7 +55,7 @@ class Loop(Decorator):
         yield from super().tick()
 
     def again(self, pause: float) -> Status:
-        """Schedule another round, after a pause [s]."""
+        """Schedule another round, after a pause [s]. Return RUNNING."""
         self._next = self._context.now() + max(pause, LEAST_ROUND)
         self._wait(self._next)
         return Status.RUNNING
@@ -248,11 +248,11 @@ def loops_in(root: Behaviour) -> Iterator[Loop]:
 
 
 def share_of_rounds(node: Behaviour, share: float | None) -> float | None:
-    """Return the progress of a node, with all rounds of the loops around it.
+    """Return the progress of a node, with all rounds of the loops above the node.
 
     Args:
         node: The node.
-        share: Its progress in this round, from 0 to 1; None if it is not known.
+        share: Progress of the node in this round, from 0 to 1; None if it is unknown.
     """
     above = node.parent
     while above is not None:

@@ -15,8 +15,8 @@ from .kind import ControlNodeKind, Element, Flow, Node, Options, PossibleOutcome
 class Join(Composite):
     """Ticks its children until all have ended. Fails if any of them failed.
 
-    py_trees' own Parallel fails with its first child and halts the others. Their results would be
-    lost.
+    The Parallel of py_trees fails when its first child fails, and halts the other children. Their
+    results would be lost.
     """
 
     def tick(self) -> Iterator[Behaviour]:
@@ -44,7 +44,7 @@ class Join(Composite):
 
 
 class Race(Join):
-    """Succeeds with the first child that succeeds, and halts the others. Fails if all fail."""
+    """Succeeds when a child succeeds, and halts the other children. Fails if all children fail."""
 
     def decide(self, statuses: set[Status]) -> None:
         if Status.SUCCESS in statuses:
@@ -99,8 +99,8 @@ class ParallelKind(ControlNodeKind):
         if node.options["policy"] != "any":
             children = node.children(node.halted)
             return all_of(children, max(each.shortest for each in children))
-        # Each child may be halted by the others. Endless children are reported below, if all are
-        # endless.
+        # Each child may be halted by another child. Endless children are only a mistake if no child
+        # can succeed.
         children = node.children(node.halted or len(node.below()) > 1)
         if not node.halted and not any(each.succeeds for each in children):
             node.wrong(f"{node.name} never ends: none of its nodes can succeed")

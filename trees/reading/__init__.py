@@ -1,1 +1,1 @@
-"""Reading of YAML files to checked task files; every mistake has its line."""
+"""Reads YAML files into checked task files. Every mistake has its line."""

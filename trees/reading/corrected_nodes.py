@@ -1,4 +1,4 @@
-"""Corrections of values that are not nodes: lists, switches, comparisons, and if with then."""
+"""Corrections of values that are not nodes: lists, booleans, comparisons, and if with then."""
 
 import re
 from collections.abc import Mapping
@@ -46,7 +46,7 @@ def node_instead(value: Located, in_turn: str) -> Correction | None:
 
 
 def apart(keys: Mapping[str, Located]) -> list[dict[str, Located]]:
-    """Split a mapping that has several nodes. `with` belongs to the subtree or task."""
+    """Split a mapping with several nodes into one mapping per node. `with` stays at its subtree."""
     nodes = list[dict[str, Located]]()
     for key, each in keys.items():
         files = [node for node in nodes if node.keys() & FILES.keys()]
@@ -62,8 +62,8 @@ def apart(keys: Mapping[str, Located]) -> list[dict[str, Located]]:
 def twice(value: Located, in_turn: str) -> tuple[Place, Correction | None] | None:
     """Return the place of a second node with the same key, and all nodes as lines of a list.
 
-    The result is None if the mapping has no such node, or if it is an item of a list: then a `-` is
-    missing.
+    The result is None if the mapping has no such node. It is also None for an item of a list: only
+    a `-` is missing then.
     """
     place, lines = value.place, [] if value.place.location.endswith("]") else block(value.place)
     keys = (re.match(r"[\w-]+(?=:)", line) for line in lines)
@@ -104,7 +104,7 @@ def _as_selector(keys: Mapping[str, Located]) -> list[str]:
     condition = comparison(keys["if"]) or condition
     for name, kind in get_ports_registry().items() if ports else ():
         if getattr(kind, "condition", False) and kind.input_ports().keys() == ports:
-            condition = f"{{{name}: {condition}}}"  # the text had only the ports
+            condition = f"{{{name}: {condition}}}"  # the file gives only the ports
             break
     inverted = f"inverter: {condition}"
     nodes = {word: _as_node(keys[word]) for word in ("then", "else") if word in keys}
@@ -116,7 +116,7 @@ def _as_selector(keys: Mapping[str, Located]) -> list[str]:
 
 
 def _example(value: Located) -> Correction | None:
-    """Return the lines with an example in place of a node that is not there."""
+    """Return the line with an example node after a key or a `-` that has no value."""
     from skills import wait_node  # slow; only for a mistake
 
     line = value.place.lines[value.place.line - 1]

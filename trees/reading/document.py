@@ -58,7 +58,7 @@ class StandIn:
     __repr__ = __str__
 
 
-# Placeholder for a wrong value, so that the values around it can be checked.
+# Placeholder for a wrong value. The other values of its mapping can then be checked.
 REFUSED = StandIn("", "any")
 
 
@@ -70,8 +70,8 @@ class Located:
         place: Start of the value.
         value: A scalar, a list of Located, or a dict of Located by text key.
         label: Place of its key; equal to `place` if it has no key.
-        use: The use `$name` of a parameter with this value, as a StandIn of the declared type. None
-            for a value that is written at its place of use.
+        use: For the value of a parameter, the reference `$name` to the parameter, as a StandIn of
+            the declared type. None for other values.
     """
 
     place: Place
@@ -97,7 +97,7 @@ class Located:
         return _written(self.plain())
 
     def instead(self, text: str) -> Correction | None:
-        """Return its line with a text in place of the value; None if it is not in one line."""
+        """Return the line with a text in place of the value; None if it has several lines."""
         written = self.value if isinstance(self.value, str) else self.as_yaml()
         if isinstance(self.value, bool):
             return self.place.replaced(written, text) or self.place.replaced(written.title(), text)
@@ -125,9 +125,9 @@ class NotYaml(FileError):
     """A text is not YAML.
 
     Args:
-        known: Mistakes before the place.
+        known: Mistakes that were found before this one.
         place: Place at which the parser fails.
-        opened: Start of the value in which it fails.
+        opened: Start of the value in which the parser fails, or None.
     """
 
     def __init__(self, known: Sequence[Mistake], place: Place, opened: Place | None = None) -> None:
@@ -142,7 +142,7 @@ class NotYaml(FileError):
 
 
 def read_text(path: Path) -> str:
-    """Read a file.
+    """Return the text of a file.
 
     Raises:
         FileError: The file cannot be read, is not an ordinary file, is too long, or is not UTF-8.
@@ -169,7 +169,7 @@ def draft_document(path: Path, text: str, location: str = "") -> tuple[Located, 
     Args:
         path: File name for errors.
         text: Text of the document.
-        location: Location of the whole document.
+        location: Location of the document. The locations of its values begin with this text.
 
     Returns:
         The document, with None in place of every wrong value; and the mistakes.
@@ -198,7 +198,7 @@ def nested(value: Located) -> Mapping[str, Located]:
 
 
 def reference(text: str) -> str:
-    """Return the reference for a name in the signs of another program; "" for other texts."""
+    """Return `$name` for a reference of another program, such as `${name}`; else ""."""
     begin, end = r"(?:\$?\{\{?|\$\(|<|%)", r"(?:\}\}?|\)|>|%)"
     template = re.fullmatch(rf"{begin} *(?:[A-Za-z_]+\.|arg |env )*([A-Za-z_]\w*) *{end}", text)
     return f"${template[1]}" if template else ""
@@ -219,7 +219,7 @@ def no_calculation(text: str) -> str:
 
 
 def names_within(value: Located) -> Iterator[str]:
-    """Return the references in a value, without the $."""
+    """Yield the names of the references in a value, without the $."""
     inner = value.value
     if isinstance(inner, str) and calculates(inner):
         yield from re.findall(r"\$(\w+)", inner)
@@ -230,7 +230,7 @@ def names_within(value: Located) -> Iterator[str]:
 
 
 def texts_within(value: Located) -> Iterator[Located]:
-    """Return the texts in a value."""
+    """Yield the texts in a value."""
     if isinstance(value.value, str):
         yield value
     for item in value.value if isinstance(value.value, list) else nested(value).values():
@@ -245,7 +245,7 @@ _FORBIDDEN = re.compile(
 
 
 def _forbidden(path: Path, text: str) -> Iterator[Mistake]:
-    """Return a mistake for each line with a forbidden character."""
+    """Yield a mistake for each line with a forbidden character."""
     lines = split_lines(text)
     for number, line in enumerate(lines, 1):
         if found := _FORBIDDEN.search(line):
@@ -305,7 +305,7 @@ class _Reader:
         if not isinstance(after, StreamEndEvent):
             place = self._place(after, "")
             self._end(
-                place, "a second document begins here; move what follows to a file of its own"
+                place, "a second document begins here; move the text from here on to another file"
             )
         return root
 
@@ -328,7 +328,8 @@ class _Reader:
             self._wrong(place, f"tags are not allowed: {event.tag!r}; write the value itself")
         known = len(self.mistakes)
         made = Located(place, self._content(event, depth + 1, place), label or place)
-        # An alias is a mistake, so no kept value has aliases, whose text grows exponentially.
+        # An alias is a mistake, and wrong values are not kept. So no kept value has an alias, whose
+        # text could grow exponentially.
         if event.anchor and len(self.mistakes) == known:
             self._anchors[str(event.anchor)] = made, made.as_yaml()
         return made
@@ -355,7 +356,7 @@ class _Reader:
             written = _printable(_joined(getattr(event, "value", "?")))
             below = f"{location}.{written}" if location else written
             key = self._value(event, depth, below)
-            # A key is a text, also one that looks like a number.
+            # A key is a text, even if it looks like a number.
             name = written if isinstance(key.value, str | int | float) else None
             if name is None:
                 self._wrong(key.place, f"the key {key.as_yaml()} is not a text")
@@ -363,7 +364,7 @@ class _Reader:
                 first = values[name].label
                 there = f"line {first.line}, column {first.column}"
                 self._wrong(
-                    key.place, f"the key {name} is given twice, first in {there}; remove one"
+                    key.place, f"the key {name} is given twice, first in {there}; remove one key"
                 )
             label = Place(self._path, key.place.line, key.place.column, below, self._lines)
             event = next(self._events)
@@ -382,7 +383,7 @@ class _Reader:
     def _with_merged(
         self, values: dict[str, Located], alias: str, merged: Located, in_braces: bool
     ) -> dict[str, Located]:
-        """Report a mapping that YAML merges into another one. Return all values."""
+        """Report a `<<` that merges a mapping into another mapping. Return all values."""
         given = {key: each for key, each in nested(merged).items() if key not in values}
         between = ", " if in_braces else f"\n{' ' * (merged.label.column - 1)}"
         text = between.join(f"{key}: {each.as_yaml()}" for key, each in given.items())
@@ -396,9 +397,9 @@ class _Reader:
         text = _joined(event.value)
         make = _core(text) if event.style is None else str
         if make is not str and len(text) > MAX_DIGITS:
-            self._wrong(place, f"a number of more than {MAX_DIGITS} digits")
+            self._wrong(place, f"this number has more than {MAX_DIGITS} digits")
         elif len(text) > MAX_TEXT:
-            self._wrong(place, f"a text of more than {MAX_TEXT} characters")
+            self._wrong(place, f"this text has more than {MAX_TEXT} characters")
         elif odd := next((c for c in text if not c.isprintable() and c not in "\n\t"), None):
             right = place.replaced(text, text.replace(odd, "" if not odd.isspace() else " "))
             self._wrong(place, f"the character {odd!r} is not allowed", right)
@@ -413,7 +414,7 @@ class _Reader:
     def _wrong(self, place: Place, message: str, instead: Correction | None = None) -> None:
         self.mistakes.append(Mistake(place, message, instead))
         if len(self.mistakes) == MAX_MISTAKES:
-            self._end(place, f"{MAX_MISTAKES} mistakes so far; the rest is not read")
+            self._end(place, f"{MAX_MISTAKES} mistakes so far; the rest of the file is not read")
 
     def _end(self, place: Place, message: str) -> NoReturn:
         raise FileError([*self.mistakes, Mistake(place, message)])
@@ -437,7 +438,7 @@ def _empty(event: Event) -> bool:
 
 
 def scalar(text: str) -> Scalar:
-    """Return the value of a plain text in YAML."""
+    """Return the value that YAML gives a text without quotes."""
     return _core(text)(text)
 
 
@@ -451,6 +452,6 @@ def split_lines(text: str) -> list[str]:
 
 
 def _place_of(path: Path, before: str, lines: list[str]) -> Place:
-    """Return the place right after a text."""
+    """Return the place after the text `before`."""
     passed = split_lines(before)
     return Place(path, len(passed), len(passed[-1]) + 1, "", lines)

@@ -1,6 +1,6 @@
 """Loops as programming languages write them, such as `for: 3` with `do:`, and their correction.
 
-A control node with its child beside it, such as `repeat: 3` with `subtree:`, is one of them.
+A control node with its child at the same level, such as `repeat: 3` and `subtree:`, is also a loop.
 """
 
 import re
@@ -21,11 +21,11 @@ if TYPE_CHECKING:
     from trees.nodes.kind import ControlNodeKind
 
 _DO, _CHILD = "do", "child"
-_COUNT = re.compile("num_.*|max_.*|count")  # names of the number of rounds
+_COUNT = re.compile("num_.*|max_.*|count")  # names of keys for the number of rounds
 _AMOUNT = re.compile(r"[0-9.]+ ?([a-z]+)?")
 _RANGE = re.compile(r"(?:\w+ in )?(?:range\(|1\.\.+)([0-9]+)\)?")
 _EACH = re.compile(r"(\w+) in \[(.*)\]")
-_ITEM = "item"  # name of the value of a round, if the loop gives none
+_ITEM = "item"  # variable of a loop over a list, if the file names none
 EXAMPLES = {"integer": "3", "duration": "1 s"}  # example values of an option, by type
 
 
@@ -35,10 +35,10 @@ class ForeignLoop:
 
     Attributes:
         place: Place of the word for the loop.
-        kind: Name of the control node for it.
+        kind: Name of the control node that replaces the loop.
         why: Message for the user.
-        keys: Values of the control node.
-        right: The control node in lines of a task file; None if its number is unknown.
+        keys: Values of the control node, by key.
+        right: Correction with the control node; None if the number of rounds is unknown.
     """
 
     place: Place
@@ -49,11 +49,11 @@ class ForeignLoop:
 
 
 def read_loop(place: Place, given: Mapping[str, Located]) -> ForeignLoop | None:
-    """Return a loop of another language, or None if the keys of a node are not one.
+    """Return the loop of another language that the keys of a node describe, or None.
 
     Args:
         place: Start of the node.
-        given: Values of the node.
+        given: Values of the node, by key.
     """
     given = _with_do(given)
     for word, kind in _loop_words(given):
@@ -75,9 +75,10 @@ def _with_do(given: Mapping[str, Located]) -> Mapping[str, Located]:
 
 
 def _loop_words(given: Mapping[str, Located]) -> Iterator[tuple[str, "ControlNodeKind"]]:
-    """Return the keys that may mean a control node with one child, each with its kind.
+    """Yield the keys that may mean a control node with one child, each with its kind.
 
-    These are names, synonyms, and, without a name, a condition or the first option.
+    These are names and synonyms of kinds. If a node has neither, they are conditions and first
+    options of kinds.
     """
     for word in given:
         for kind in kinds().values():
@@ -91,7 +92,7 @@ def _loop_words(given: Mapping[str, Located]) -> Iterator[tuple[str, "ControlNod
 def _read(
     place: Place, given: Mapping[str, Located], word: str, kind: "ControlNodeKind"
 ) -> ForeignLoop | None:
-    """Return the loop that a word means, or None if it means none."""
+    """Return the loop that a word means, or None."""
     head, rest = _counted(given[word]), {key: each for key, each in given.items() if key != word}
     if word in kind.synonyms:
         head, counted = _without_option(in_unit_of_key(word, head), kind)
@@ -103,7 +104,8 @@ def _read(
     rest = {key: each for key, each in rest.items() if key not in options}
     if in_one:
         child, why = rest.pop(_DO), f"there is no {word}{did_you_mean(kind.name)}"
-        own = f"{word} has one node below it, such as {in_turn()}, and its options beside it"
+        own = f"write one node below {word}, such as {in_turn()}, and the options at the level of "
+        own += word
         why = {kind.condition: kind.keywords.get(_DO, ""), kind.name: own}.get(word, why)
     elif (_DO in rest and not kind.only_asks) or sum(map(begins_node, rest)) == 1:
         why, option = _beside_child(word, head, kind, {*given})
@@ -136,7 +138,7 @@ def _read(
 
 
 def _counted(head: Located) -> Located:
-    """Return the number of rounds in a text such as `i in range(3)`, and `do` for other keys."""
+    """Return the rounds of a text such as `range(3)`. In a mapping, name the child's key `do`."""
     if nested(head):
         return replace(head, value={**_with_do(nested(head))})
     found = _RANGE.fullmatch(head.value) if isinstance(head.value, str) else None
@@ -168,7 +170,7 @@ def _for_each(
 
 
 def _with_value(value: Located, name: str, meant: Located) -> Located:
-    """Return a value in which another one replaces a reference."""
+    """Return a value in which the value `meant` replaces the reference `name`."""
     inner = value.value
     if isinstance(inner, str):
         return replace(value, value=meant.value) if name in (inner, reference(inner)) else value
@@ -193,34 +195,34 @@ def _beside_child(
         The message, or "" if the value may be the child; and the value by its correct key.
     """
     option, condition = next(iter(kind.options), ""), kind.condition
-    why = f"{kind.name} has its node below it"
+    why = f"write the child of {kind.name} below {kind.name}"
     if word in kind.synonyms:
         why = f"there is no {word}: {why}"
     if is_amount(head) and option:
         written = f"{option}: {head.as_yaml()}"
-        return f"{why}, and its number in a line of its own: {written}", {option: head}
+        return f"{why}, and the number in its own line: {written}", {option: head}
     switch = isinstance(head.value, bool) or head.value in ("yes", "on")
     if switch and (not condition or condition in given):
-        return f"{why}, not beside", {}
+        return f"{why}, not at the same level", {}
     if isinstance(head.value, bool):
         from skills import EXAMPLE_CONDITION  # slow; only for a mistake
 
         asked = Located(head.place, EXAMPLE_CONDITION, head.place)
-        return f"{why}, not beside, and needs {condition}: the condition", {condition: asked}
+        return f"{why}, and the condition after {condition}:", {condition: asked}
     asks = isinstance(head.value, str) or _has_node(head)
     named = asks and condition and condition not in given
     if word == condition or named:
-        why = f"{why}, and {condition} in a line of its own"
+        why = f"{why}, and {condition} in its own line"
         return kind.keywords[_DO] if _DO in given else why, {condition: head}
     example = EXAMPLES.get(kind.options[option].type) if option else None
     if _DO in given and example:
         written = f"{option}: {example}"
-        return f"{why}, and its number in a line of its own: {written}", {}
+        return f"{why}, and the number in its own line: {written}", {}
     return "", {}
 
 
 def _without_option(head: Located, kind: "ControlNodeKind") -> tuple[Located, dict[str, Located]]:
-    """Return a node without its number of rounds or its time, and the number by option."""
+    """Return a node without its number of rounds or its time, and that value by option."""
     inner, option = dict(nested(head)), next(iter(kind.options), "")
     timed = kind.timed and option
     timed_keys = {key for key, each in inner.items() if in_unit_of_key(key, each) is not each}
@@ -232,13 +234,13 @@ def _without_option(head: Located, kind: "ControlNodeKind") -> tuple[Located, di
 
 
 def _has_node(value: Located) -> bool:
-    """Return True if a value is a node: its name, or a mapping in which a key begins one."""
+    """Return True if a value is the name of a node, or a mapping with a key that begins one."""
     keys = (value.value,) if isinstance(value.value, str) else nested(value)
     return any(key == _DO or begins_node(key) for key in keys)
 
 
 def _lines_below(child: Located) -> list[str]:
-    """Return the lines below the key of a child, not indented; empty if it is in one line."""
+    """Return the lines below the key of a child, not indented; empty if there are none."""
     begin, *inner = key_block(child.label) or [""]
     if begin.partition(":")[2].split("#")[0].strip():
         return []

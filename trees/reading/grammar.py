@@ -76,7 +76,7 @@ class TaskFile:
 
     @property
     def port(self) -> str:
-        """Word for one of its `parameters` in messages."""
+        """Word for a parameter of this file in messages: "parameter", or "port" for a subtree."""
         return "port" if self.number is None else "parameter"
 
 
@@ -159,7 +159,7 @@ def parse_head(path: Path, text: str) -> TaskFile:
     return parse_task(path, text)  # the full parser reports the mistakes
 
 
-@lru_cache(maxsize=16)  # every task needs all of them
+@lru_cache(maxsize=16)  # every task needs the poses
 @repairing
 def draft_poses(path: Path, text: str) -> tuple[PosesFile, list[Mistake]]:
     """Read a file of poses. Return the poses and all mistakes.
@@ -268,18 +268,18 @@ class _Parser:
         value = self._values.get(key)
         if value is None and needed and self._values:
             place = replace(self.root.place, location=key)
-            more = "; below it is the node that runs" if key == "tree" else ""
+            more = "; write the node that runs below it" if key == "tree" else ""
             self._wrong(place, f"the key {key} is missing{more}", self._line_for(key))
         return value
 
     def _named(self) -> dict[str, str]:
-        """Return the values of keys that the name of the file gives, by key."""
+        """Return the values of keys that follow from the name of the file, by key."""
         path = self.root.place.path
         number, _, name = path.stem.partition("_")
         return {"task": number if number.isdecimal() else "", "name": name, "subtree": path.stem}
 
     def _line_for(self, key: str) -> Correction | None:
-        """Return the line for a missing key, after the key that precedes it."""
+        """Return the correction that adds a missing key after the previous key, or None."""
         texts = {**self._named(), "description": "What it does."}
         if key == "tree" and not self.root.place.brackets:
             from skills import wait_node  # slow; only for a mistake
@@ -296,7 +296,7 @@ class _Parser:
     def _with_tree(
         self, values: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
-        """Report nodes outside the key `tree`, or poses outside `poses`. Move them to that key."""
+        """Report nodes outside the key `tree`, or poses outside `poses`. Move them below it."""
         head = "poses" if "poses" in known else "tree"
         likely = corrections(values, known)
 
@@ -324,7 +324,7 @@ class _Parser:
         return {**rest, head: Located(place, inner, place)}
 
     def _below(self, head: str, below: Mapping[str, Located]) -> Correction | None:
-        """Return the lines of adjacent keys, indented below another key."""
+        """Return the lines of adjacent keys, indented below the new key `head`."""
         lines = self.root.place.lines
         begin = min(value.label.line for value in below.values())
         rest = [each for key, each in self._values.items() if key not in below]
@@ -401,7 +401,7 @@ class _Parser:
         return declared
 
     def by_name(self, value: Located, key: str) -> Located | None:
-        """Report a list of mappings that have names. Return the mapping by name, or None."""
+        """Report a list of mappings with the key `name`. Return a mapping by name, or None."""
         items = value.value if isinstance(value.value, list) else []
         names = [str(nested(item)["name"].value) for item in items if "name" in nested(item)]
         if not names or len({*names}) != len(items):
@@ -493,9 +493,9 @@ class _Parser:
         )
 
     def _type(self, value: Located, what: str, opaque: bool, likely: str = "") -> str:
-        """Return a type. Only skills can write an opaque type, such as Plan.
+        """Return a type. If `opaque`, accept types that only skills can write, such as Plan.
 
-        A message suggests the type `likely` if it is given.
+        A message suggests the type `likely` if it is not empty.
         """
         kind = value.value
         if isinstance(kind, str) and (kind in TYPES or (opaque and kind[:1].isupper())):
@@ -543,7 +543,7 @@ class _Parser:
         return tuple(str(item.value) for item in items)
 
     def _flag(self, value: Located | None) -> bool | None:
-        """Return a boolean; None if the value is not a boolean."""
+        """Return a boolean; False for a missing value; None if the value is not a boolean."""
         if value is None or isinstance(value.value, bool):
             return value is not None and value.value is True
         self._wrong(value.place, f"{value} is not true or false")
@@ -552,7 +552,7 @@ class _Parser:
 
 def _types() -> str:
     plain = [each for each in TYPES if not each.startswith(LIST)]
-    return f"{', '.join(plain)}, and a list of one"
+    return f"{', '.join(plain)}, and a list of one of these"
 
 
 def _type_of(value: Located) -> str:
@@ -562,14 +562,14 @@ def _type_of(value: Located) -> str:
 
 
 def _in_node(key: str, value: Located, likely: Mapping[str, str]) -> bool:
-    """Return True if a key is most likely of a node, not one that `likely` corrects."""
+    """Return True if a key most likely belongs to a node. `likely` has corrections of keys."""
     if key in ("subtree", "with"):
         return True
     return key not in likely and (begins_node(key) or value.value is None)
 
 
 def _listed_kind(key: str, value: Located) -> str:
-    """Return the kind of control node that a key above a list means; empty if it means none."""
+    """Return the kind of control node that a key above a list means, or ""."""
     return synonyms().get(key, "") if isinstance(value.value, list) else ""
 
 

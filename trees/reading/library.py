@@ -1,11 +1,11 @@
 """The library of task files for a robot: shipped files, and files in the user's folder.
 
-Files directly in one of these folders are for every robot. Only `poses.yaml` there is for the
-shipped robot, because a pose names joints. Files in a subfolder `NAME` are only for the robot of
-that name.
+Files directly in one of these folders are for every robot. The exception is `poses.yaml`: it is for
+the default robot, because a pose names joints. Files in a subfolder `NAME` are only for the robot
+of that name.
 
-The name of a task's file has its number and name, such as `1_pick.yaml`. Therefore a task is found
-without reading other files. `poses.yaml` contains poses. Any other `.yaml` file is a subtree.
+The name of a file contains number and name of its task, such as `1_pick.yaml`. Therefore a task is
+found without reading other files. `poses.yaml` contains poses. Any other `.yaml` file is a subtree.
 """
 
 import os
@@ -57,7 +57,7 @@ def _kept(draft: Callable[[Path, str], Draft], path: Path, text: str) -> Draft:
 
 
 def with_robot(folder: Path, robot: str) -> tuple[Path, ...]:
-    """Return a folder of task files, and its subfolder for a robot, if there is one."""
+    """Return a folder of task files, and its subfolder for a robot if that exists."""
     own = folder / robot
     return (folder, own) if own.parent == folder and os.path.isdir(own) else (folder,)
 
@@ -90,31 +90,31 @@ def read_poses(
 
 
 class TaskLibrary(Protocol):
-    """Library of an executive, whose files may change between two goals."""
+    """The task files of an executive. The files may change between two goals."""
 
     @property
     def latest(self) -> "Library":
-        """The current files.
+        """The library of the current files.
 
         Raises:
             FileError: The user's folder cannot be read.
         """
 
     def for_task(self, number: int) -> "tuple[Library, str]":
-        """Return the files for the next goal of a task, and a warning, or "".
+        """Return the library for the next goal of a task, and a warning or "".
 
         Raises:
             UnknownTask: No task has that number.
-            TreeError: The task is not valid.
+            TreeError: The task has mistakes.
         """
 
 
 class Library:
-    """Tasks, subtrees and poses. Each file is read when it is needed, and parsed once.
+    """The tasks, subtrees and poses of a robot. A file is read when needed, and parsed once.
 
     Args:
         folder: Folder of the user's files; None for only the shipped ones.
-        robot: Name of the robot. Default: the shipped robot.
+        robot: Name of the robot. Default: arduinobot.
         read: Callback that returns the text of a file.
 
     Attributes:
@@ -123,9 +123,9 @@ class Library:
         folders: All folders.
         robot: Name of the robot.
         read: Callback that returns the text of a file.
-        mistakes: Mistakes of file names, and of files with the same number or name. Only their
-            tasks and subtrees are unusable.
-        notes: YAML files that are ignored.
+        mistakes: Mistakes of file names, and of files with the same number or name. Only the tasks
+            and subtrees of these files are unusable.
+        notes: Notes about files that are ignored.
 
     Raises:
         FileError: The folder does not exist or cannot be read.
@@ -153,7 +153,7 @@ class Library:
         self._poses = pose_paths(self.folders, robot)
         # Error of a number or name that several files have.
         self._claimed: dict[int | str, FileError] = {}
-        # Number or name of a file that another file also has.
+        # Number or name of each file whose number or name an earlier file has.
         self._seconds: dict[Path, int | str] = {}
         # The shipped file, by the user's file that replaces it.
         self._replaced: dict[Path, Path] = {}
@@ -168,7 +168,7 @@ class Library:
 
     def _add(self, folder: Path, name: str) -> None:
         if saved := AS_TEXT.fullmatch(name):
-            why = f"is not read, because its name ends in .txt; rename it {saved[1]}"
+            why = f"is not read, because its name ends in .txt; rename it to {saved[1]}"
             self.notes.append(Mistake(Place(folder / name), why))
         if name.startswith(".") or not name.lower().endswith((".yaml", ".yml")):
             return
@@ -181,10 +181,10 @@ class Library:
             text = self._text(path)
             place = _top(path, text, "task")
             like = self._free_file(almost[1], re.sub(r"\W+", "_", almost[2]) or "wave", text)
-            wrong = f"a task's file is named like {like}; rename this one"
+            wrong = f"a task's file is named like {like}; rename this file"
             raise FileError([Mistake(place, wrong)])
         elif name == POSES and path not in self._poses:
-            where = f"those of the {self.robot} are in {folder / self.robot / POSES}"
+            where = f"the poses of the {self.robot} are in {folder / self.robot / POSES}"
             why = f"is not read: its poses are for the {SHIPPED_ROBOT}; {where}"
             self.notes.append(Mistake(Place(path), why))
         elif name != POSES:
@@ -194,7 +194,7 @@ class Library:
         """Ignore a file that may belong to another program."""
         text = self._text(path)
         head = re.search(r"^(task|subtree|poses):", text, re.MULTILINE)
-        message = "is not read: the name of a file of tasks ends in .yaml"
+        message = "is not read: the name of a task file must end in .yaml"
         mistake = Mistake(_top(path, text, head[1] if head else ""), message)
         (self.mistakes if head else self.notes).append(mistake)
 
@@ -215,23 +215,23 @@ class Library:
             if isinstance(source, int):
                 free = self.free_number(source)
                 raise DuplicateTask(source, there, place, free, name)
-            why = f"subtree {name} is in {there} already; rename this one, or add the line "
+            why = f"subtree {name} is in {there} already; rename this file, or add the line "
             raise FileError([Mistake(place, f"{why}replaces: {name}")])
         except FileError as error:
             self._claimed[source] = error
             raise
 
     def _free_file(self, number: str, name: str, text: str) -> str:
-        """Return the name of a file for a task, and its number if the given one is not free.
+        """Return a name for the file of a task, and the line of the key task if it must change.
 
-        `name` is the name of a task whose text has none.
+        The name of the task is that in `text`, or else `name`.
         """
         name = named[1] if (named := _NAME.search(text)) else name
         free = self.free_number(int(number) if number.isdecimal() else 1)
         return f"{free}_{name}.yaml" + ("" if number == str(free) else f" and says task: {free}")
 
     def free_number(self, number: int) -> int:
-        """Return a number, or the next one, that no file has."""
+        """Return the first number from `number` on that no task has."""
         names = (_TASK.fullmatch(name) for folder in self.folders for name in _files(folder))
         taken = {int(named[1]) for named in names if named}
         return next(n for n in count(number) if n not in taken)
@@ -320,14 +320,14 @@ class Library:
         return self._paths[source]
 
     def _instead(self, task: int | str) -> str:
-        """Return what an unknown task may be instead: a pose, subtree, or task of another robot.
+        """Return a message if an unknown task is a pose, subtree or task of another robot; or "".
 
         Raises:
-            FileError: It is in a file with the name of a subtree.
+            FileError: The task is in a file with the name of a subtree.
         """
         with suppress(FileError):  # `check` reports the mistakes of the poses
             if task in self.poses()[0]:
-                return f"{task} is a pose, not a task: `armtree move {task}`"
+                return f"{task} is a pose, not a task: run `armtree move {task}`"
         for name in self.subtrees():
             if name == task or re.search(
                 rf"^task: *{re.escape(str(task))}\b", self._text(self._paths[name]), re.M
@@ -369,7 +369,7 @@ class Library:
         return task
 
     def files(self) -> Iterator[tuple[Path, int | str | None]]:
-        """Return each file with its number or name; None for poses.
+        """Yield each file with its number or name; None for poses.
 
         Several files may have the same number or name.
         """
@@ -399,7 +399,7 @@ class Library:
         return file, [*mistakes, *named, *self._replacing(file, source)]
 
     def _replacing(self, file: TaskFile, source: int | str) -> list[Mistake]:
-        """Return a mistake if a file replaces a file that is not shipped."""
+        """Return a list with one mistake if `replaces` names no shipped file; else []."""
         if not file.replaces or file.path in self._replaced:
             return []
         names = _SUBTREE if isinstance(source, str) else _TASK
@@ -441,7 +441,7 @@ def poses_of(files: Iterable[PosesFile]) -> dict[str, Mapping[str, float]]:
 
 
 def _replaced_poses(file: PosesFile, shipped: Mapping[str, object]) -> list[Mistake]:
-    """Return mistakes of poses that replace shipped ones."""
+    """Return the mistakes of a file of poses that concern the key `replaces`."""
     ships = [name for name in file.poses if name in shipped and name not in file.replaces]
     line = f"replaces: [{', '.join(ships)}]"
     right = None if file.replaces else Correction(line, file.text.count("\n") + 1, 0)
@@ -466,12 +466,12 @@ def _what(source: int | str) -> str:
 
 
 def _name(path: Path) -> str:
-    """Return the name of the task in the name of its file."""
+    """Return the name of a task from the name of its file."""
     return path.stem.partition("_")[2]
 
 
 def _misnaming(file: TaskFile) -> list[Mistake]:
-    """Return mistakes if a file contradicts its name."""
+    """Return the mistakes of keys that contradict the name of the file."""
     key, name, wrong = "subtree", file.path.stem, list[Mistake]()
     if file.number is not None:
         key, name, number = "name", _name(file.path), int(name.partition("_")[0])

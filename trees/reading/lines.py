@@ -1,4 +1,4 @@
-"""Corrections of several lines: a node with its lines."""
+"""Corrections of several lines, such as all lines of a node."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -38,7 +38,7 @@ def key_block(place: Place) -> list[str]:
 
 
 def replaced_block(place: Place, lines: Sequence[str]) -> Correction | None:
-    """Return the correction that replaces the node at a place."""
+    """Return the correction that replaces the node at a place by `lines`, or None."""
     old = block(place)
     if not old:
         return None
@@ -53,7 +53,7 @@ def rewritten(place: Place, node: Mapping[str, str | Sequence[str]]) -> Correcti
 
     Args:
         place: Place of the node.
-        node: Values of the keys as YAML. A list of nodes has one text for each.
+        node: Values of the keys as YAML. A list of nodes has one text for each node.
     """
     if place.brackets:
         texts = {k: v if isinstance(v, str) else f"[{', '.join(v)}]" for k, v in node.items()}
@@ -67,23 +67,23 @@ def rewritten(place: Place, node: Mapping[str, str | Sequence[str]]) -> Correcti
 
 
 def added_below(place: Place, line: str) -> Correction | None:
-    """Return a line below the node that begins at a place, in its column."""
+    """Return the correction that adds a line below the node at a place, in its column."""
     old = block(place)
     text = " " * (place.column - 1) + line
     return Correction(text, place.line + len(old), 0) if old else None
 
 
 def in_node(place: Place, head: str) -> Correction | None:
-    """Return a list of nodes below a node that has none, in brackets or over several lines."""
+    """Return the correction that puts the list of nodes at a place below the new node `head`."""
     line, column = place.lines[place.line - 1], place.column - 1
     before, after = line[:column], line[column:]
     if not after.startswith("["):
-        if before.strip() == "-":  # above a single item, one `-` may be too many
+        if before.strip() == "-":  # for a list of one item, one `-` may be too many
             lines = [f"  {line}" for line in block(place)]
             several = len([line for line in lines if line.startswith("  - ")]) > 1
             return replaced_block(place, [f"{head}:", *lines]) if several else None
         above = re.match(r"[\s-]*", place.lines[place.line - 2])
-        if above and above.end() == column:  # its items are in the column of its key
+        if above and above.end() == column:  # the items of the list are in the column of its key
             lines, indent = key_block(place), " " * (column + 2)
             text = "\n".join([f"{indent}{head}:", *(f"{indent}  {each}" for each in lines)])
             return Correction(text, place.line, len(lines))
@@ -96,14 +96,14 @@ def in_node(place: Place, head: str) -> Correction | None:
 
 
 def added_above(place: Place, node: str) -> Correction | None:
-    """Return a node above the one at a place, which must begin an item of a list in its line."""
+    """Return the correction that adds a node above a node that is an item of a list, or None."""
     before = place.lines[place.line - 1][: place.column - 1] if place.lines else ""
     text = before + node.replace("\n", "\n" + " " * len(before))
     return Correction(text, place.line, 0) if before.strip() == "-" else None
 
 
 def left_out(place: Place) -> Correction | None:
-    """Return the line without the key at a place of a mapping in braces, and without its value."""
+    """Return the line without the key at a place and its value, for a mapping in braces."""
     line = place.lines[place.line - 1] if 0 < place.line <= len(place.lines) else ""
     before, after = line[: place.column - 1].rstrip(), line[place.column - 1 :]
     value = re.match(r"\w+: [^][{},#]+(, *)?", after)
@@ -116,7 +116,7 @@ def left_out(place: Place) -> Correction | None:
 
 
 def as_mapping(value: Located) -> Correction | None:
-    """Return a list of mappings as one mapping."""
+    """Return the correction that writes a list of mappings as one mapping."""
     items = value.value if isinstance(value.value, list) else []
     given = {key: each for item in items for key, each in nested(item).items()}
     if value.place.brackets:
@@ -129,7 +129,7 @@ def as_mapping(value: Located) -> Correction | None:
 
 
 def retyped(place: Place, name: str, old: str, new: str) -> Correction | None:
-    """Return the line above the tree that declares a name, with another type."""
+    """Return the correction of the line that declares a name, with the type `new`; or None."""
     text = "\n".join(place.lines)
     found = re.search(rf"^ +{name}:(?: |[^\n]*\n)[^}}\n]*?(?=\b{old}\b)", text, re.MULTILINE)
     if found is None:
@@ -141,13 +141,13 @@ def retyped(place: Place, name: str, old: str, new: str) -> Correction | None:
 
 
 def declared_above(place: Place, head: str, line: str) -> Correction | None:
-    """Return a line below a top-level key. A missing key is added above the tree."""
+    """Return the correction that adds a line below a top-level key. It adds a missing key."""
     tops = {line.partition(":")[0]: row for row, line in enumerate(place.lines, 1)}
     if head not in tops:
         return Correction(f"{head}:\n  {line}", tops["tree"], 0) if "tree" in tops else None
     first, *below = place.lines[tops[head] - 1 :]
     if below and below[0][:1] == " " and not re.match(r" +[\w$-]+:", below[0]):
-        return None  # no declarations are there
+        return None  # the lines below the key are not declarations
     if first.split("#")[0].rstrip() == f"{head}:":
         return Correction(f"  {line}", tops[head] + 1, 0)
     inline = re.fullmatch(rf"({head}: \{{.*)\}}\s*", first)
@@ -155,7 +155,7 @@ def declared_above(place: Place, head: str, line: str) -> Correction | None:
 
 
 def pieces(value: Located) -> list[Located]:
-    """Return the pieces of a mapping of names that is split, each below a dash; else nothing."""
+    """Return the items of a list that is written in place of a mapping of names; else []."""
     items = value.value if isinstance(value.value, list) else []
     keys = [key for item in items for key in nested(item)]
     flow = not value.place.brackets and any(item.place.brackets for item in items)

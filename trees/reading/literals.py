@@ -24,7 +24,7 @@ _PYTHON: Mapping[str, tuple[type, ...]] = {
     ANY: (float, bool, str),
 }
 
-# Words of other programs, languages and libraries, and the words for them here.
+# Words of other programs, languages and libraries, with the words of task files for them.
 _SWITCHES = {"yes": "true", "on": "true", "no": "false", "off": "false", "1": "true", "0": "false"}
 _CHOICES = {
     **dict.fromkeys(("equals", "equal", "is"), "=="),
@@ -39,7 +39,7 @@ _FOREIGN_UNITS = {  # factor and unit of task files
 }
 _UNIT_NAMES = {"grad": "deg", "\xb0": "deg", "milli": "m", "centi": "c"}
 
-# Names of units at the end of a key, by the type.
+# Names of units with which a key may end, by type.
 _IN_KEYS = {
     "duration": {"ms", "msec", "milliseconds", "sec", "secs", "seconds", "minutes", "hours"},
     "angle": {"deg", "degs", "degrees", "rad", "radians"},
@@ -85,16 +85,16 @@ def in_unit_of_key(key: str, value: Located) -> Located:
 
 
 def renamed(key: str, name: str, value: Located) -> tuple[Located, Correction | None]:
-    """Return a value with the unit in the name of its key, and its line with another key."""
+    """Return a value with the unit that its key names, and the correction of the key to `name`."""
     made, label = in_unit_of_key(key, value) if name else value, value.label
     old, new = f"{key}: {value.as_yaml()}", f"{name}: {made.as_yaml()}"
     return made, (made is not value and label.replaced(old, new)) or label.replaced(key, name)
 
 
 def in_smaller_units(value: object, unit: str) -> Iterator[tuple[str, float]]:
-    """Return a number without a unit as a text for each smaller unit, with the unit's factor.
+    """Yield a number without a unit as a text in each smaller unit, with the unit's factor.
 
-    An angle up to a full turn is most likely in rad, and has none.
+    An angle up to a full turn is most likely in rad. There are no texts for it.
     """
     units = next((units for units in UNITS.values() if next(iter(units)) == unit), {})
     if not is_bare(value) or (unit == "rad" and abs(value) <= math.tau):
@@ -105,9 +105,10 @@ def in_smaller_units(value: object, unit: str) -> Iterator[tuple[str, float]]:
 
 
 def in_unit_of_default(bound: Located, default: Located | None, key: str) -> str:
-    """Return a bound without a unit in the unit of the default; "" if it needs no unit.
+    """Return a bound without a unit in the unit of the default; "" if the bound needs no unit.
 
-    It needs one if the default is within the bound only in that unit, or if it is more than a turn.
+    The bound needs a unit if the default is within the bound only in that unit, or if the bound is
+    an angle of more than a full turn.
     """
     found = _QUANTITY.fullmatch(str(default.value)) if default else None
     if not found or not is_bare(bound.value) or not (kind := measured(default or bound)):
@@ -136,7 +137,7 @@ def is_bare(value: object) -> TypeGuard[float]:
 
 
 def near_limit(value: Located, limit: float, unit: str) -> Iterator[tuple[str, float]]:
-    """Return a limit in the unit of a value, rounded, as a text and in the first unit of its type.
+    """Yield a limit, rounded in the unit of a value: as a text, and in the first unit of its type.
 
     The text that is nearest to the limit comes first. An angle without a unit is in deg. `unit` is
     the first unit of the type; "" for a number.
@@ -248,7 +249,7 @@ def _single(value: Located, wanted: Declaration, wrong: Wrong) -> Any:
 
 
 def _within_bounds(fitted: Any, value: Located, wanted: Declaration) -> str:
-    """Return a number without its minus, or the limit that it exceeds; "" if it has no limits."""
+    """Return a number without its minus, or the limit that it exceeds; "" if both are wrong."""
     limits = [each for each in (wanted.least, wanted.most) if each is not None]
     if not limits:
         return ""
@@ -293,7 +294,7 @@ def _items(
 
 
 def _filled(value: Located, wanted: Declaration) -> str:
-    """Return a list without its last numbers, or a size with more that are equal to its last."""
+    """Return a list cut to its count, or a size with its last number repeated; else ""."""
     given = [item.as_yaml() for item in value.value] if isinstance(value.value, list) else []
     missing = wanted.count - len(given)
     if missing < 0:
@@ -303,7 +304,7 @@ def _filled(value: Located, wanted: Declaration) -> str:
 
 
 def _as_items(value: Located) -> str:
-    """Return as a list three numbers without commas, or a mapping with x, y and z; else ""."""
+    """Return three numbers without commas, or a mapping of x, y and z, as a list; else ""."""
     inner = value.value
     axes = [value, *nested(value).values()]  # such as {position: {x: 0, y: 0, z: 0}}
     if found := next((each for each in axes if [*nested(each)] == ["x", "y", "z"]), None):
@@ -396,7 +397,7 @@ def _number(value: Located, kind: str, wrong: Wrong, finite: bool = True) -> flo
         if kind == "number" and (percent := re.fullmatch(rf"{_NUMBER} ?%", near)):
             near = f"{float(percent[1]) / 100:g}"
         amount = re.fullmatch(rf"{_NUMBER}( ?({'|'.join(UNITS.get(kind, ()))}))?", near)
-        _not(value, kind, near if amount else "", wrong)  # equal texts are in quotes
+        _not(value, kind, near if amount else "", wrong)  # equal texts are a number in quotes
         return None
     if finite and not math.isfinite(number):
         wrong(value.place, f"{value} is not finite")
@@ -496,7 +497,7 @@ def _one_pose(names: Sequence[str]) -> str:
 
 
 def _by_joint(items: Sequence[Located], poses: Mapping[str, Mapping[str, float]]) -> str:
-    """Return several angles with the names of the joints of a pose; "" if no pose has as many."""
+    """Return angles with the names of the joints of a pose; "" if no pose has enough joints."""
     enough = (pose for pose in poses.values() if len(pose) >= len(items) > 1)
     names = min(enough, key=len, default=())
     pairs = zip(names, (item.as_yaml() for item in items), strict=False)
@@ -523,7 +524,7 @@ def _pose(
         near = f"{{{_some_joint(poses)}: {name}}}"
         there = f"{name} is an angle without a joint; write {near}"
     if name == _HOME:
-        there += "; `armtree pose save home` saves the one of `armtree home`"
+        there += "; `armtree pose save home` saves the pose of `armtree home`"
     wrong(value.place, there, value.instead(near))
     return None
 
@@ -546,10 +547,10 @@ def _no_angles(
     poses: Mapping[str, Mapping[str, float]],
     wrong: Wrong,
 ) -> bool:
-    """Report changes or poses in place of angles. Return True if there are any."""
+    """Report changes or poses that are written in place of angles. Return True if any."""
     if changes := _changes(joints):
-        why = "a += is not for task files: the subtree move_relative changes joints; write it with "
-        wrong(value.place, f"{why}by: {{{changes}}}")
+        why = "a += is not for task files: to change joints, write subtree: move_relative, with: "
+        wrong(value.place, f"{why}{{by: {{{changes}}}}}")
         return True
     several = [str(item.value) for item in joints.values() if item.value in [*poses]]
     if len(several) > 1:
@@ -576,7 +577,7 @@ def _changes(joints: Mapping[str, Located]) -> str:
 
 
 def _violation(fitted: Any, wanted: Declaration) -> str:
-    """Return the error of a value outside its declaration; empty if it is valid."""
+    """Return how a value violates its declaration, such as "is less than 0 s"; or ""."""
     scale, unit = DISPLAY_UNITS.get(wanted.unit, (1.0, wanted.unit))
     if wanted.least is not None and fitted < wanted.least:
         return f"is less than {scale * wanted.least:g} {unit}".rstrip()

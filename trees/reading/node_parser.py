@@ -36,7 +36,7 @@ from .node_words import (
 from .specs import ControlNode, Key, SkillNode, SubtreeNode, TreeNode, Value
 
 MAX_NUMBER = 2**31 - 1
-_NODE = "a node"  # its name cannot be a name of a user's own
+_NODE = "a node"  # users cannot choose the name of a skill
 
 NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]*")
 _WORDS = re.compile(r"[A-Za-z]+( [A-Za-z]+)+")
@@ -58,7 +58,7 @@ class NodeParser:
         mistakes: Receives mistakes.
 
     Attributes:
-        spare: Names of unused references.
+        spare: Names of references in wrong values. These names count as used.
     """
 
     def __init__(self, mistakes: Mistakes) -> None:
@@ -118,7 +118,7 @@ class NodeParser:
     def _in_lower_case(self, keys: Mapping[str, Located]) -> Mapping[str, Located]:
         """Report keys such as `Subtree` and `With`. Return the values with the correct keys.
 
-        The name of a control node is corrected if its options are beside it.
+        The name of a control node is corrected if the node has an option of this kind.
         """
         known = {*FILES, *(each for beside in FILES.values() for each in beside)}
         known |= {name for name, kind in kinds().items() if keys.keys() & kind.options.keys()}
@@ -129,14 +129,15 @@ class NodeParser:
         return respell(keys, likely)
 
     def _in_other_words(self, value: Located, keys: Mapping[str, Located]) -> Mapping[str, Located]:
-        """Report keys that only say what a node is. Return the correct values."""
+        """Report keys that only describe a node, such as its kind. Return correct values."""
         place, given = value.place, {key: each for key, each in keys.items() if key != "name"}
         lists = [each for each in given.values() if isinstance(each.value, list)]
         named = [f"{each.value}" for each in given.values() if f"{each.value}" in kinds()]
         if len(given) == 2 and len(lists) == len(named) == 1 and not given.keys() & {*heads()}:
             below, (kind,) = key_block(lists[0].label)[1:], named
             right = replaced_block(place, [f"{kind}:", *below]) if below else None
-            self._wrong(place, f"the kind of a node is the key above its nodes: {kind}:", right)
+            why = f"write the kind of a node as the key above its nodes: {kind}:"
+            self._wrong(place, why, right)
             return {kind: lists[0]}
         own = {*heads(), *beside_keys(), *keywords(), *synonyms()} - {"with"}
         rest = {key: each for key, each in given.items() if key not in own}
@@ -163,7 +164,7 @@ class NodeParser:
         return made(place, head, keys)
 
     def _broken(self, value: Located, keys: Mapping[str, Located]) -> TreeNode:
-        """Return a node of unknown kind, with the recognisable nodes in it."""
+        """Return a node of unknown kind, with the nodes that are recognised in the value."""
         items = value.value if isinstance(value.value, list) else ()
         below: list[TreeNode] = [self._unknown(value), *self._items(items)]
         beside = {*beside_keys(), *keywords()}
@@ -179,7 +180,7 @@ class NodeParser:
         return ControlNode(value.place, "", tuple(below)) if below[1:] else below[0]
 
     def _unknown(self, value: Located) -> SkillNode:
-        """Return a leaf of an unknown skill, with its references."""
+        """Return a leaf of an unknown skill, with the references in the value."""
         keys = {name: Key(value.place, name, value.label) for name in names_within(value)}
         return SkillNode(value.place, "", keys)
 
@@ -188,7 +189,7 @@ class NodeParser:
         return isinstance(value, str) and NAME.fullmatch(value) is not None
 
     def name(self, value: Located, what: str, named: str = "") -> str:
-        """Return a name. If the value is none, return that in the file's name, or a likely one."""
+        """Return a name. If the value is wrong, return `named`, or a likely name, or ""."""
         if self.is_name(value.value):
             return value.value
         why = f"{what}: {value} is not a name (a letter, then letters, digits, _ or -)"
@@ -205,7 +206,7 @@ class NodeParser:
         return near
 
     def number(self, value: Located, what: str, named: str = "") -> int:
-        """Return a task number. If the value is none, return that in the file's name, or 0."""
+        """Return a task number. If the value is wrong, return a likely number, or `named`, or 0."""
         if is_number(value.value):
             return value.value
         text = value.value if isinstance(value.value, str) else ""
@@ -218,7 +219,7 @@ class NodeParser:
             self._wrong(value.place, f"{why}{did_you_mean(found[1])}", value.instead(found[1]))
             return int(found[1])
         if named:
-            why += "; the key task has its number, and the key name its name" if text else ""
+            why += "; write the number at the key task, the name at the key name" if text else ""
             return int(self._as_named(value, what, why, named))
         if self.is_name(text):
             why += "; write the number of its file, such as 1 for 1_pick.yaml"
@@ -226,10 +227,10 @@ class NodeParser:
         return 0
 
     def _as_named(self, value: Located, key: str, why: str, named: str) -> str:
-        """Report a wrong value. Return the one that the name of the file gives."""
+        """Report a wrong value. Return `named`, the value that the name of the file gives."""
         right = None
         if re.fullmatch(r"[\w\s.-]*", str(value.value)):
-            why += f"; by the name of the file it is {named}"
+            why += f"; the name of the file gives {named}"
             right = value.instead(named) or value.label.replaced(f"{key}:", f"{key}: {named}")
         self._wrong(value.place, why, right)
         return named
@@ -256,14 +257,14 @@ class NodeParser:
         if meant := reference(value.value):
             self._wrong(value.place, f"write {meant}, not {value.value}", value.instead(meant))
         name = Located(value.place, (meant or value.value)[1:], value.label)
-        return Key(value.place, self.name(name, "what follows $"), value.label)
+        return Key(value.place, self.name(name, "the name after $"), value.label)
 
     def _skill(self, place: Place, skill: str, keys: Mapping[str, Located]) -> TreeNode:
         inner = keys[skill]
         around = {key: each for key, each in nested(inner).items() if key not in ("ID", "name")}
         if len(around) == 1 and any(map(holds_nodes, around)):
             right = replaced_block(place, key_block(next(iter(around.values())).label) or [skill])
-            self._wrong(place, f"no node {skill}; leave it out, but not the node below it", right)
+            self._wrong(place, f"no node {skill}; leave it out, but keep the node below it", right)
             return self.node(replace(inner, value=around))
         if isinstance(inner.value, list) and self._are_nodes(skill, inner.value):
             lists = [name for name, kind in kinds().items() if kind.many]
@@ -309,7 +310,7 @@ class NodeParser:
     def _raised(
         self, place: Place, kind: str, keys: Mapping[str, Located], own: Collection[str]
     ) -> Mapping[str, Located]:
-        """Report options that are below a node instead of beside it. Return corrected values."""
+        """Report options below a control node that belong to its level. Return corrected values."""
         inner = nested(keys[kind])
         inside = [key for key in inner if key in kinds()]
         theirs = {"name", *(option for head in inside for option in kinds()[head].options)}
@@ -324,7 +325,8 @@ class NodeParser:
             elif row > 0 and len(key_block(value.label)) == 1:
                 kept = [*lines[:row], *lines[row + 1 :]]
                 right = replaced_block(place, [*kept, f"{key}: {value.as_yaml()}"])
-            self._wrong(value.label, f"{key} belongs to {kind}: write it beside {kind}", right)
+            why = f"{key} belongs to {kind}: write it at the level of {kind}"
+            self._wrong(value.label, why, right)
         return made if lost else keys
 
     def _children(self, kind: str, inner: Located) -> tuple[TreeNode, ...]:
@@ -341,7 +343,7 @@ class NodeParser:
         if isinstance(inner.value, list) and inner.value:
             return self._items(inner.value)
         given = "" if inner.value is None or inner.value == [] else f", not {inner}"
-        why = f"{kind} needs a list of nodes{given}: begin each with a `-`, below {kind}:"
+        why = f"{kind} needs a list of nodes{given}: begin each node with a `-`, below {kind}:"
         parts, right = apart(nested(inner)), None
         unknown = not any(begins_node(key) for part in parts for key in part)
         nodes = [*map(_named_node, parts)]
@@ -371,11 +373,12 @@ class NodeParser:
             return (self.node(given),)
         from skills import EXAMPLE_CONDITION  # slow; only for a mistake
 
-        right, why = added_below(place, f"{key}: {EXAMPLE_CONDITION}"), "the condition"
+        right, why = added_below(place, f"{key}: {EXAMPLE_CONDITION}"), "a condition"
         if given:
             right = given.instead(EXAMPLE_CONDITION)
             why += f", not {given}"
-        self._wrong(given.place if given else place, f"{kind} needs {key}: {why}", right)
+        why = f"{kind} needs the key {key} with {why}"
+        self._wrong(given.place if given else place, why, right)
         return ()
 
     def _file(self, place: Place, head: str, keys: Mapping[str, Located]) -> TreeNode:
@@ -384,7 +387,7 @@ class NodeParser:
             self._wrong(keys[head].label, why, keys[head].label.replaced(head, "task"))
             keys, head = respell(keys, {head: "task"}), "task"
         if isinstance(items := keys[head].value, list) and items:
-            why = f"a node runs one {head}; write one for each, below {in_turn()}:"
+            why = f"a node runs one {head}; write one node for each, below {in_turn()}:"
             nodes = [as_node({**keys, head: item}) for item in items]
             right = rewritten(place, {in_turn(): nodes})
             if not items[1:]:
@@ -408,7 +411,7 @@ class NodeParser:
         return SubtreeNode(place, source, values, self._shown(keys), keys[head], head)
 
     def _named(self, place: Place, head: str, keys: Mapping[str, Located]) -> Mapping[str, Located]:
-        """Report a mapping with a name in place of the name. Return corrected values."""
+        """Report a mapping that is written in place of a name. Return corrected values."""
         inner = nested(keys[head])
         names = [key for key, each in inner.items() if isinstance(each.value, str)]
         if len(names) != 1 or not self.is_name(inner[names[0]].value):
@@ -421,7 +424,7 @@ class NodeParser:
         return made
 
     def _with(self, head: str, keys: Mapping[str, Located]) -> Mapping[str, Located]:
-        """Report ports beside a subtree or task. Return the values with the ports below `with`."""
+        """Report ports at the level of `subtree` or `task`. Return values with the key `with`."""
         known = (head, *FILES[head])
         ports = {key: value for key, value in keys.items() if key not in known}
         titles = [key for key, each in ports.items() if _is_title(each)]
@@ -430,10 +433,10 @@ class NodeParser:
         words = [key for key in ports if key in _WITH and nested(ports[key])]
         if len(ports) == 1 and words and not given:
             label = ports[words[0]].label
-            why = f"the values at ports are below the key with, not {words[0]}"
+            why = f"write the values at ports below the key with, not {words[0]}"
             self._wrong(label, why, label.replaced(words[0], "with"))
             return respell(keys, {words[0]: "with"})
-        # A number is at a port, such as `width: 20 mm`.
+        # A number belongs to a port, such as `width: 20 mm`.
         likely = corrections(keys, known).items()
         if any(near != "with" or not is_amount(keys[key]) for key, near in likely):
             return keys
@@ -462,7 +465,7 @@ class NodeParser:
     def _beside(
         self, head: str, keys: Mapping[str, Located], known: tuple[str, ...]
     ) -> Mapping[str, Located]:
-        """Report unknown keys of a node. Return its values with corrected keys."""
+        """Report unknown keys of a node. Return the values by corrected keys."""
         beside = {key: each for key, each in keys.items() if key != head}
         likely = corrections(beside, known)
         likely |= _other_option(head, respell(keys, likely))
@@ -480,7 +483,7 @@ class NodeParser:
         likely: Mapping[str, str],
         where: str = "",
     ) -> dict[str, Located]:
-        """Report unknown keys. Return the values with the likely keys."""
+        """Report unknown keys. Return the values by likely keys."""
         for key in (key for key in keys if key not in known):
             there, label = there_are(key, known, keys), keys[key].label
             near = likely.get(key, "")
@@ -533,7 +536,7 @@ def _is_title(value: Located) -> bool:
 
 
 def _other_option(kind: str, keys: Mapping[str, Located]) -> dict[str, str]:
-    """Return the only option that the only unknown key beside a control node may mean."""
+    """Return the option that the only unknown key of a control node means, by key; or {}."""
     options = {} if kind in FILES else kinds()[kind].options
     unknown = [key for key in keys if key not in {kind, "name", *options}]
     if len(unknown) != 1 or not is_amount(value := keys[unknown[0]]):
@@ -571,12 +574,12 @@ def _named_node(keys: dict[str, Located]) -> dict[str, Located]:
 
 
 def respell(keys: Mapping[str, Located], likely: Mapping[str, str]) -> dict[str, Located]:
-    """Return values with other keys."""
+    """Return values by corrected keys."""
     return {likely.get(key, key): item for key, item in keys.items()}
 
 
 def _no_node(value: Located, keys: tuple[str, ...]) -> str:
-    """Return the error of a value that is not a node."""
+    """Return the message for a value that is not a node."""
     if isinstance(value.value, list):
         return "a list of nodes needs a node above it, such as sequence:"
     if not keys:

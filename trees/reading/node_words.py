@@ -1,4 +1,4 @@
-"""The words that begin a node or are beside its first key, and their synonyms."""
+"""The keys that begin a node, the other keys of a node, and synonyms of both."""
 
 from collections.abc import Collection, Mapping
 from typing import TYPE_CHECKING
@@ -8,7 +8,7 @@ from hardware.spelling import corrections
 if TYPE_CHECKING:
     from trees.nodes.kind import ControlNodeKind
 
-# Keys of nodes from other files, each with the keys that may be beside it.
+# First keys of nodes that are in other files, each with the other keys of such a node.
 FILES = {"subtree": ("with", "name"), "task": ("with", "name")}
 
 
@@ -30,7 +30,7 @@ def begins_node(key: str) -> bool:
 
 
 def holds_nodes(key: str) -> bool:
-    """Return True if a key is a control node, here or in another program."""
+    """Return True if a key is the name of a control node, also in another program."""
     return key.lower() in kinds() or key in synonyms()
 
 
@@ -40,7 +40,7 @@ def heads() -> tuple[str, ...]:
 
 
 def beside_keys() -> set[str]:
-    """Return the keys that may be beside the first key of a node."""
+    """Return the keys that nodes may have after their first key."""
     return {
         "with",
         "name",
@@ -57,7 +57,7 @@ def likely_heads(words: Collection[str]) -> dict[str, str]:
 
 
 def synonyms() -> dict[str, str]:
-    """Return the kinds of control nodes by the words of other languages and libraries."""
+    """Return the kinds of control nodes, by their names in other languages and libraries."""
     return {word: name for name, kind in kinds().items() for word in kind.synonyms}
 
 

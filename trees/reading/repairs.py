@@ -18,8 +18,8 @@ from .slips import Edit, Spot, content_of, edits_near, line_before
 
 _MAX_EDITS = 4
 _KEPT = 10  # number of best texts that are edited further
-# Largest total of characters read in a search: about a quarter second. A text counts as this many
-# more, because each text also costs a fixed time.
+# Largest number of characters that a search reads, in about 0.25 s. Each text counts as `_PER_TEXT`
+# characters more, because reading it also costs a fixed time.
 _MAX_READ, _PER_TEXT = 125_000, 1_000
 _MAX_TEXT = 25_000  # largest text for a search [characters]
 _MAX_LEFT = 2  # largest number of mistakes in the edited lines of a repaired text
@@ -50,10 +50,10 @@ class _Version:
 
 
 def repairing(draft: Draft[Drafted]) -> Draft[Drafted]:
-    """Make a function that reads files also report edits of their layout.
+    """Return a function that reads files like `draft`, and also corrects their layout.
 
-    The edits are used if they make a file valid, or make YAML of a file that is not YAML. They are
-    then mistakes of the file, and the edited text is read.
+    Edits are used if they make a file valid, or make YAML of a file that is not YAML. Each kind of
+    edit is then a mistake of the file, and the function reads the edited text.
 
     Args:
         draft: Function that reads a text and continues after mistakes.
@@ -105,7 +105,7 @@ def _mistakes(path: Path, text: str, edits: Sequence[Edit]) -> list[Mistake]:
     for edit in first.values():
         row, column = edit.spot
         same = sorted(n + 1 for n in changed[edit.kind] if n != row)
-        also = f"; the same in line {', '.join(map(str, same))}" if same else ""
+        also = f"; the same mistake is in line {', '.join(map(str, same))}" if same else ""
         place = Place(path, row + 1, column + 1, "", lines)
         rows = {row, *(n - 1 for n in same), *moved.get(edit.kind, ())}
         begin, end = min(rows), max(rows) + 1
@@ -164,12 +164,12 @@ class _Search:
 
 
 def _spots(mistakes: Iterable[Mistake], lines: Sequence[str]) -> list[Spot]:
-    """Return the first places of mistakes."""
+    """Return the places of mistakes, without duplicates: the first four."""
     return [*dict.fromkeys(_spot(mistake.place, lines) for mistake in mistakes)][:4]
 
 
 def _spot(place: Place, lines: Sequence[str]) -> Spot:
-    """Return the place, or the end of the last line with content before it."""
+    """Return the spot of a place; in a line without content, the end of the content before it."""
     row = min(place.line, len(lines)) - 1
     if row == place.line - 1 and content_of(lines[row]):
         return row, min(place.column - 1, len(lines[row]))

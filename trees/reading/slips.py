@@ -13,7 +13,7 @@ from hardware.spelling import closest
 
 from .node_words import begins_node
 
-Spot = tuple[int, int]  # index of a line, and of a character in it
+Spot = tuple[int, int]  # index of a line, and index of a character in this line
 
 
 @dataclass(frozen=True)
@@ -23,7 +23,7 @@ class Edit:
     Attributes:
         spot: Place of the mistake in the text.
         kind: Name of the slip that the edit undoes.
-        why: Words for the mistake, for the message.
+        why: Message about the mistake.
         lines: All lines after the change.
     """
 
@@ -34,12 +34,12 @@ class Edit:
 
 
 def _edit(lines: tuple[str, ...], spot: Spot, why: str, text: str, kind: str = "") -> Edit:
-    """Return the edit that replaces the content of a line. Its kind is `why` by default."""
+    """Return the edit that replaces the content of a line. Default of `kind`: `why`."""
     return Edit(spot, kind or why, why, _with_content(lines, spot[0], text))
 
 
 def _with_content(lines: tuple[str, ...], row: int, text: str) -> tuple[str, ...]:
-    """Return lines with another content of one line, whose comment stays."""
+    """Return the lines with new content in one line. The comment of this line stays."""
     comment = lines[row][len(content_of(lines[row])) :]
     return (*lines[:row], text + comment, *lines[row + 1 :])
 
@@ -50,7 +50,7 @@ def edits_near(lines: tuple[str, ...], spots: Sequence[Spot], is_yaml: bool) -> 
     Args:
         lines: The text.
         spots: Places of the mistakes.
-        is_yaml: True if the text is YAML. It then has no open brackets.
+        is_yaml: True if the text is YAML. All brackets are then closed.
     """
     rows = dict[int, None]()
     for row, _ in spots:
@@ -74,16 +74,16 @@ def edits_near(lines: tuple[str, ...], spots: Sequence[Spot], is_yaml: bool) -> 
 
 
 _OUTSIDE = r'(?=(?:[^"]*"[^"]*")*[^"]*$)'  # outside a text in double quotes
-# Slips that people repeat in all lines: pattern, replacement and message.
+# Slips that people usually make in all lines: pattern, replacement and message.
 _FOREIGN: tuple[tuple[str, str | Callable[[re.Match[str]], str], str], ...] = (
     ("\t", "  ", "tabs cannot indent; use spaces"),
     ("\t", "    ", "tabs cannot indent; use spaces"),
-    ("\xa0", " ", "this is a non-breaking space; write an ordinary one"),
+    ("\xa0", " ", "this is a non-breaking space; write an ordinary space"),
     ("[\u201c\u201d\u201e]", '"', 'write the plain quote "'),
     ("[\u2018\u2019\u201a]", "'", "write the plain quote '"),
     (f"[\uff08-\uff1d\uff3b\uff3d\uff5b\uff5d]{_OUTSIDE}",
      lambda found: chr(ord(found[0]) - 0xFEE0),
-     "this is a sign of full width; write the plain one"),
+     "this is a full-width character; write the plain character"),
     (r"^(\s*(?:- )?[A-Za-z_]\w*) *=(?= *[^\s=])", r"\1:",
      "a colon separates a key from its value, not `=`"),
     (r"(?<!\S)[\u2013\u2014\u2212](?= \w+:)", "-", "write the plain dash -"),
@@ -117,11 +117,11 @@ _SLIPS = (
      r"a text that begins with a special character needs quotes"),
     (r"((?:text|question): )([^'\"{}\[\],#$]+: [^'\"{}\[\],#]+)(?=[,}]|$)", r'\1"\2"',
      "a text with a colon needs quotes"),
-    (r"([:,\[] *)(- +)(?=[\d.])", r"\1-", "no space follows the sign of a number"),
+    (r"([:,\[] *)(- +)(?=[\d.])", r"\1-", "leave out the space after the sign of a number"),
     (rf"([:,\[] *)((['\"]){_NUMBER}\3)(?= ?[a-z]+ *[,}}\]]| ?[a-z]+$)", r"\1\4",
      "leave out the quotes of a number with a unit"),
     (rf"{_ITEM}{_FILE} (\{{.*\}})$", r"\1{\2, with: \3}",
-     "the values at ports are below the key with"),
+     "write the values at ports below the key with"),
     (r"((?:^|[\s{\[,])[\w-]+: +)((?=([a-z]\w*): ))", r"\1{", r"a { is missing before `\3`"),
     (r"(: +)((?=[^\[\]{}:,]+(,[^\[\]{}:,]+)*\]))", r"\1[", "a [ is missing here"),
     (r"(\{)(\{)(?= *[\w-]+:)", r"\1", "one { too many"),
@@ -153,7 +153,7 @@ _SLIPS = (
     (r"()([;,])$", "", r"leave out the `\2`"),
     (rf"(\{{)(([A-Za-z_]\w*), *)(?={_AMOUNT}\}})", r"\1\3: ",
      r"a colon separates `\3` from its value, not a comma"),
-    (r"(: [\w-]+)(:)$", r"\1", r"leave out the `\2` at the end"),
+    (r"(: [\w-]+)(:)$", r"\1", r"leave out the `\2` at the end of the line"),
     (r"()(;)", ",", "a comma separates values, not `;`"),
     (r"(: *[-+]?\d+)(,)(?=\d)", r"\1.", "a point begins the decimals, not a comma"),
     (r"([}\]])( ?(?:deg|rad|mm|cm|m|s|ms))(?= *[,}\]]|$)", r"\1",
@@ -168,7 +168,7 @@ _SLIPS = (
 
 
 def _slip_edits(lines: tuple[str, ...], rows: Iterable[int]) -> Iterator[Edit]:
-    """Return edits that undo one slip of a line, or all slips of its kind in some lines."""
+    """Yield edits that undo one slip of a line, or all slips of one kind in some lines."""
     texts = {row: content_of(lines[row]) for row in rows}
     for pattern, instead, why in _SLIPS:
         slips = [(row, slip) for row in sorted(texts) for slip in re.finditer(pattern, texts[row])]
@@ -190,7 +190,7 @@ _CLOSERS = {"{": "}", "[": "]", "'": "'", '"': '"'}
 
 
 def _closing_edits(lines: tuple[str, ...], row: int, last: int) -> Iterator[Edit]:
-    """Return edits that close an open bracket or quote of a line, or put its text in quotes."""
+    """Yield edits that close an open bracket or quote of a line, or put a text in quotes."""
     line, text = lines[row], content_of(lines[row])
     if hidden := re.search(_HIDDEN, line):
         why = "a # after a space begins a comment; put the text in quotes"
@@ -217,7 +217,7 @@ def _closing_edits(lines: tuple[str, ...], row: int, last: int) -> Iterator[Edit
 
 
 def _begins_other(content: str, end: int) -> bool:
-    """Return True if the key after a comma looks different from the keys in the bracket before."""
+    """Return True if the key after a comma differs from all keys before it in the bracket."""
     key = re.match(r", *([\w-]+): *([^,}\]]*)", content[end:])
     begin = max(content.rfind("{", 0, end), content.rfind("[", 0, end))
     within = re.findall(r"([\w-]+): *([^,{}\[\]]*)", content[begin:end])
@@ -227,12 +227,12 @@ def _begins_other(content: str, end: int) -> bool:
 
 
 def _form(value: str) -> str:
-    """Return a value with its numbers replaced by 0, and its words by a."""
+    """Return a value in which each number is 0 and each word is `a`."""
     return re.sub(r"[A-Za-z_]+", "a", re.sub(r"[-+]?[\d.]+", "0", value.strip()))
 
 
 def _comma_edits(lines: tuple[str, ...], row: int, column: int) -> Iterator[Edit]:
-    """Return an edit that separates a line in brackets from the line before it."""
+    """Yield an edit that adds a comma at the end of the line before a line in brackets."""
     above = line_before(row, lines)
     text = content_of(lines[above])
     begins = re.fullmatch(r"\s*[\w'\"-]*", lines[row][:column])
@@ -242,7 +242,7 @@ def _comma_edits(lines: tuple[str, ...], row: int, column: int) -> Iterator[Edit
 
 
 def _sign_edits(lines: tuple[str, ...], row: int, column: int) -> Iterator[Edit]:
-    """Return edits of the characters at the mistake."""
+    """Yield edits of the characters at the place of a mistake."""
     before, after = lines[row][:column], content_of(lines[row])[column:]
 
     def edit(at: int, why: str, text: str) -> Edit:
@@ -265,7 +265,7 @@ def _sign_edits(lines: tuple[str, ...], row: int, column: int) -> Iterator[Edit]
 
 
 def _dash_edits(lines: tuple[str, ...], row: int) -> Iterator[Edit]:
-    """Return edits that add a `-` to a line, or to every line in the same column."""
+    """Yield edits that add a `-` to a line, or to every line in the same column."""
     found = re.match(r"(\s*)([A-Za-z_][\w-]*)", lines[row])
     if not (found and begins_node(found[2])) or (found[2] == "task" and not found[1]):
         return
@@ -281,7 +281,7 @@ def _dash_edits(lines: tuple[str, ...], row: int) -> Iterator[Edit]:
 
 
 def _undashed(lines: tuple[str, ...], row: int) -> Iterator[Edit]:
-    """Return an edit that joins a line to the node above it, or leaves out one `-` of two."""
+    """Yield an edit that joins a line to the node above it, or leaves out one `-` of two."""
     if two := re.match(r"(\s*- )- (?=\w)", lines[row]):
         end = _end_of_block(lines, row, two.end(1))
         moved = [_indented_by(line, -2) for line in lines[row + 1 : end]]
@@ -296,7 +296,7 @@ def _undashed(lines: tuple[str, ...], row: int) -> Iterator[Edit]:
 
 
 def _end_of_block(lines: Sequence[str], row: int, column: int) -> int:
-    """Return the next line that begins in a column or before it."""
+    """Return the index of the next line that begins in a column or left of this column."""
     rows = range(row + 1, len(lines))
     return next(
         (n for n in rows if content_of(lines[n]) and _columns(lines[n])[0] <= column), len(lines)
@@ -304,9 +304,9 @@ def _end_of_block(lines: Sequence[str], row: int, column: int) -> int:
 
 
 def _indent_edits(lines: tuple[str, ...], row: int) -> Iterator[Edit]:
-    """Return edits that move a line, with the lines that belong to it, to another column."""
+    """Yield edits that move a line, with the lines that belong to it, to another column."""
     now, shown = _columns(lines[row])[:2]
-    columns = dict[int, str]()  # columns of the lines above, with advice
+    columns = dict[int, str]()  # columns in which the lines above begin, with advice
     for above in reversed(range(row)):
         if not content_of(lines[above]):
             continue
@@ -350,7 +350,7 @@ def content_of(line: str) -> str:
 
 
 def line_before(row: int, lines: Sequence[str]) -> int:
-    """Return the last line with content before a line, or the first line."""
+    """Return the index of the last line with content before a line; 0 if there is none."""
     return next((above for above in reversed(range(row)) if content_of(lines[above])), 0)
 
 

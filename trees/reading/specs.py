@@ -1,4 +1,4 @@
-"""The nodes of a tree as data, as in the file."""
+"""Nodes of a tree as a file gives them, before compilation."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,7 +15,7 @@ class Key:
     Attributes:
         place: Its place.
         name: Name without the $.
-        label: Place of the port whose value it is.
+        label: Place of the port or option that has this reference.
     """
 
     place: Place
@@ -28,13 +28,13 @@ Value = Located | Key
 
 @dataclass(frozen=True, slots=True)
 class SkillNode:
-    """A leaf.
+    """A leaf of the tree: one skill.
 
     Attributes:
         place: Its place.
         skill: Name of the skill; empty if the file is wrong here.
-        ports: Values and references by port. A value without a port is at "". In a wrong part of a
-            file, the references in it.
+        ports: Values and references by port. A value without a port is at "". If `skill` is empty,
+            the references in the wrong text, by their names.
         name: Name of the node; empty for the skill's name.
     """
 
@@ -72,9 +72,9 @@ class SubtreeNode:
         source: Name of the subtree, or number of the task; empty if the file is wrong here.
         values: Values and references by port or parameter. A value without a name is at "".
         name: Name of the node; empty for the name in the file.
-        named: The source in the file, with its key; None if the file writes it like a skill.
-        head: Its key: `subtree` or `task`. A task that has a name in place of its number has a
-            text as its source.
+        named: Value of the key `head` in the file; None if the node is written like a skill.
+        head: First key of the node: `subtree` or `task`. If a task has a name in place of its
+            number, `source` is this name.
     """
 
     place: Place

@@ -27,9 +27,9 @@ def write_task(robot: Robot, folder: Path, number: int, name: str) -> Path:
 
 
 def prepare_file(robot: Robot, folder: Path, number: int, name: str) -> Path:
-    """Check number and name of a new task, and write the JSON Schema for editors beside it.
+    """Check number and name of a new task. Write the JSON Schema for editors into its folder.
 
-    The task is in the subfolder with the name of its robot, because it names joints.
+    This is the subfolder with the name of the robot, because the task names joints.
 
     Args:
         robot: The robot.
@@ -69,7 +69,7 @@ def prepare_file(robot: Robot, folder: Path, number: int, name: str) -> Path:
 
 
 def _values(robot: Robot) -> dict[str, str]:
-    """Return the parts of the text that depend on the robot."""
+    """Return the values of the fields of the template that depend on the robot."""
     joint = max(robot.actuated_in("arm"), key=lambda joint: joint.upper - joint.boot)
     scale, unit = DISPLAY_UNITS[joint.unit]
     most = min(_MOST, scale * (joint.upper - joint.boot))

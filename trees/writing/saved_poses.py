@@ -31,22 +31,22 @@ def save_pose(
 ) -> Path:
     """Save a pose to the poses file of a robot, in the subfolder of its name.
 
-    If another file of the user has the pose, it is replaced in that file.
+    If another file of the user has a pose of that name, the pose is saved to that file.
 
     Args:
         robot: The robot.
         folder: Folder of the user's files. It is created if it does not exist.
         name: Name of the pose.
         positions: Joint positions by joint name [rad], [m].
-        replace: True to replace a pose of that name. A shipped pose is not changed: the key
-            `replaces` of the file then names it.
+        replace: True to replace a pose of that name. The shipped file is not changed: the
+            key `replaces` of the file of the user then names the pose.
 
     Returns:
         The file.
 
     Raises:
         PoseExists: The name is in use.
-        FileError: The name is invalid, or the file is wrong or cannot be written.
+        FileError: The name is invalid, or a file of poses is wrong or cannot be written.
     """
     shipped, files = _poses(robot, folder)
     file = next((file for file in files if name in file.poses), None)
@@ -60,7 +60,7 @@ def save_pose(
         why = f"has a pose {name} already; give --replace, or another name"
         raise PoseExists.at(path, why)
     if not replace and name in shipped:
-        why = f"pose {name} ships with armtree; give another name, or --replace to use yours"
+        why = f"pose {name} is shipped; give another name, or --replace to use your pose"
         raise PoseExists.at(path, why)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -84,13 +84,13 @@ def create_poses(
         robot: The robot. No shipped robot has its name, so there are no other poses.
         folder: Folder of the user's files. It is created if it does not exist.
         poses: Joint positions by joint name [rad], [m], by the name of the pose.
-        comment: Lines for the head of the file.
+        comment: Text of the comment at the top of the file.
 
     Returns:
         The file; None if it exists already.
 
     Raises:
-        FileError: It cannot be written.
+        FileError: The file cannot be written.
     """
     path = folder / robot.name / POSES
     if path.exists():
@@ -107,7 +107,7 @@ def create_poses(
 
 
 def remove_pose(robot: Robot, folder: Path, name: str) -> Path:
-    """Remove a pose from the poses file in a folder of tasks. Return the file.
+    """Remove a pose from a poses file of the user. Return the path of the file.
 
     Args:
         robot: The robot.
@@ -121,7 +121,7 @@ def remove_pose(robot: Robot, folder: Path, name: str) -> Path:
     file = next((file for file in files if name in file.poses), None)
     if file is None:
         if name in shipped:
-            why = f"pose {name} ships with armtree and stays; `armtree pose save` can replace it"
+            why = f"pose {name} is shipped and cannot be removed; `armtree pose save` replaces it"
             raise FileError.at(folder, why)
         own = [each for file in files for each in file.poses]
         raise PoseUnknown.at(folder, f"no pose {name} is here; {there_are(name, own)}")
@@ -148,7 +148,7 @@ def _poses(robot: Robot, folder: Path) -> tuple[set[str], list[PosesFile]]:
 
 
 def pose_text(robot: Robot, positions: Mapping[str, float]) -> str:
-    """Return the text of positions by joint [rad], [m] for a file."""
+    """Return joint positions [rad], [m] as text for a file."""
     joints = (joint for joint in robot.actuated if joint.name in positions)
     values = ", ".join(f"{each.name}: {_written(each, positions[each.name])}" for each in joints)
     return f"{{{values}}}"
@@ -176,9 +176,7 @@ def _rewrite(path: Path, text: str, new: str, name: str) -> None:
         after, mistakes = before, [Mistake(Place(path), "")]
     others = [{n: p for n, p in each.poses.items() if n != name} for each in (before, after)]
     if mistakes or others[0] != others[1]:
-        raise FileError.at(
-            path, f"pose {name} cannot be changed without other lines; edit it by hand"
-        )
+        raise FileError.at(path, f"pose {name} cannot be changed alone; edit the file by hand")
     try:
         write_file(path, new.encode())
     except OSError as error:
@@ -188,7 +186,7 @@ def _rewrite(path: Path, text: str, new: str, name: str) -> None:
 
 
 def _with_pose(text: str, name: str, value: str) -> str:
-    """Return the text of a file with a pose. A new pose follows the last one."""
+    """Return the text of a file with a pose. A new pose follows the last pose."""
     label, poses = _pair(text, "poses")
     assert isinstance(poses, CollectionNode)  # the draft has no mistakes
     for key, old in poses.value:
@@ -236,13 +234,13 @@ def _without_lines(text: str, key: Node, value: Node) -> str:
 
 
 def _pair(text: str, name: str) -> tuple[Node, Node]:
-    """Return the nodes of a top-level key and its value; if absent, the whole document twice."""
+    """Return the nodes of a top-level key and its value; without this key, the document twice."""
     root = YAML(typ="safe", pure=True).compose(io.StringIO(text))
     return next((pair for pair in root.value if pair[0].value == name), (root, root))
 
 
 def _end(node: Node) -> int:
-    """Return the end of a node. The parser ends a block at the next token, after comments."""
+    """Return the index of the end of a node, without the comments after it."""
     if not isinstance(node, CollectionNode) or node.flow_style or not node.value:
         return int(node.end_mark.index)
     last = node.value[-1]

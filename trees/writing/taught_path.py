@@ -11,11 +11,11 @@ Sample = Mapping[str, float]  # position of every actuated joint [rad], [m]
 JOINT_TOLERANCE = {"rad": math.radians(1), "m": 0.002}  # tolerance of a joint
 TOOL_TOLERANCE = 0.002  # tolerance of the tool [m]
 
-_SETTLED = 25  # number of samples without motion of the gripper after which it counts as still
+_SETTLED = 25  # number of samples without motion after which the gripper counts as still
 
 
 def simplify(robot: Robot, samples: Sequence[Sample], joints: Sequence[str]) -> list[Sample]:
-    """Return the fewest samples that keep the path within the tolerances, in order.
+    """Return a few samples that keep the path within the tolerances, in order.
 
     This is the algorithm of Douglas and Peucker. The sample furthest from the line between two
     waypoints becomes a waypoint, until no sample is too far. The first and last samples stay.
@@ -33,7 +33,7 @@ def simplify(robot: Robot, samples: Sequence[Sample], joints: Sequence[str]) -> 
     ]
 
     def excess(begin: int, end: int, number: int) -> float:
-        """Return the distance of a sample from the line between two others, over the tolerance."""
+        """Return the distance of a sample from the line of two others, divided by the tolerance."""
         first, last, row = rows[begin], rows[end], rows[number]
         line = [b - a for a, b in zip(first, last, strict=True)]
         length = math.hypot(*line) ** 2

@@ -36,8 +36,8 @@ class Step:
     """One step of a task.
 
     Attributes:
-        words: The step, for people.
-        nodes: Its nodes, as text of the file.
+        words: Description of the step, for people.
+        nodes: Texts of the nodes of the step in the file.
         positions: Position of every joint after the step [rad], [m]; empty for a wait.
     """
 
@@ -71,7 +71,7 @@ class TaughtTask:
         self._number, self._name = number, name
 
     def move(self, positions: Mapping[str, float]) -> Step | None:
-        """Add and return the moves from the last pose to this one; None if both are equal.
+        """Add a step from the last pose to `positions`. Return it, or None if both are equal.
 
         The first step moves every joint, so that the task can begin anywhere.
 
@@ -134,7 +134,7 @@ class TaughtTask:
         return self._robot.by_joint(within)
 
     def _moves(self, positions: Mapping[str, float]) -> tuple[list[str], list[str]]:
-        """Return the moves from the last pose to this one: words for people, and nodes."""
+        """Return the moves from the last pose to `positions`: words for people, and nodes."""
         before = next((step.positions for step in reversed(self.steps) if step.positions), {})
         poses, _ = Library(self._folder, self._robot.name).poses()
         words, nodes = list[str](), list[str]()

@@ -106,7 +106,7 @@ def test_plan_shows_a_round_again_only_where_it_differs(tmp_path: Path) -> None:
     same = f"{{repeat: {{sequence: [{COME}, {GO}]}}, times: 3}}"
     assert len(planned(tmp_path, same)) == 2
     left_out = (
-        "Unplanned x/repeat: 2 of its 3 rounds have the targets of earlier ones and are left out"
+        "Unplanned x/repeat: 2 of its 3 rounds have the targets of earlier rounds and are left out"
     )
     assert left_out in all_said(tmp_path, same)
     differs = f"{{repeat: {{sequence: [{COME}, {GO}, {{{TALL}}}]}}, times: 3}}"

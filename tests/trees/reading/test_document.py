@@ -120,9 +120,9 @@ WRONG = [
     ('a: "\\ud800"\n', 1, 4, "'\\ud800'"),
     ('a: "\\e[2J"\n', 1, 4, "'\\x1b'"),
     ("a: \u202ex\n", 1, 4, "'\\u202e'"),
-    ("a: " + "9" * 5000, 1, 4, "a number of more than 32 digits"),
-    ("a: " + "0." + "0" * 5000, 1, 4, "a number of more than 32 digits"),
-    ("a: " + "x" * 5000, 1, 4, "a text of more than 1000 characters"),
+    ("a: " + "9" * 5000, 1, 4, "this number has more than 32 digits"),
+    ("a: " + "0." + "0" * 5000, 1, 4, "this number has more than 32 digits"),
+    ("a: " + "x" * 5000, 1, 4, "this text has more than 1000 characters"),
     ("[" * 100_000, 1, MAX_DEPTH + 2, "nested deeper than"),
     ("- " * 100_000, 1, 2 * MAX_DEPTH + 3, "nested deeper than"),
     ("#" * (MAX_BYTES + 1), 1, 1, "longer than"),
@@ -189,7 +189,7 @@ def test_too_many_mistakes_end_the_check() -> None:
         read("{" + ":," * 100_000 + "}")
     reported = [mistake.message for mistake in caught.value.mistakes]
     assert len(reported) == MAX_MISTAKES + 1
-    assert "1000 mistakes so far; the rest is not read" in reported
+    assert "1000 mistakes so far; the rest of the file is not read" in reported
 
 
 @settings(max_examples=300, deadline=None)

@@ -72,7 +72,7 @@ SLIPS = [
     ("- subtree: reach", "* subtree: reach", "6:5 every node of a list begins with a `-`"),
     ("- retry: CheckHardware", "- 1: {retry: CheckHardware, attempts: 3}\n    - retry: "
      "CheckHardware", "11:7 leave out the number: the nodes of a list run in order"),
-    ("subtree: reach", "subtree: reach:", "6:21 leave out the `:` at the end"),
+    ("subtree: reach", "subtree: reach:", "6:21 leave out the `:` at the end of the line"),
     ("subtree: reach", "subtree: reach()", "6:16 write `reach`, without parentheses"),
     ("task: 20", "- task: 20", "1:1 leave out the `-` before `task`"),
     ("{arm: upright, gripper: open}", "{\n        arm: upright\n        gripper: open}",
@@ -104,7 +104,7 @@ SEVERAL = [
         "    - subtree: open_gripper\n    - subtree: close_gripper\n",
         "    subtree: open_gripper\n    subtree: close_gripper\n",
         ["6:5 a `-` is missing before `subtree`: every node of a list begins with one; the same "
-         "in line 7"],
+         "mistake is in line 7"],
     ),
     (
         "    - subtree: reach\n      with:\n        arm: upright\n        gripper: open\n",
@@ -114,7 +114,7 @@ SEVERAL = [
     (
         "    - Succeed\n    - Succeed\n",
         "\t\t- Succeed\n\t\t- Succeed\n",
-        ["6:1 tabs cannot indent; use spaces; the same in line 7"],
+        ["6:1 tabs cannot indent; use spaces; the same mistake is in line 7"],
     ),
     (
         "    - Compare: {left: 1, is: '!=', right: 2}\n",
@@ -124,7 +124,7 @@ SEVERAL = [
     (
         "    - subtree: reach\n      with: {arm: upright}\n",
         "    - subtree reach\n      with {arm: upright}\n",
-        ["6:7 a colon is missing after `subtree`; the same in line 7"],
+        ["6:7 a colon is missing after `subtree`; the same mistake is in line 7"],
     ),
     (
         "    - subtree: reach\n      with: {arm: upright}\n",

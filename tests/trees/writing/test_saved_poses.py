@@ -103,7 +103,7 @@ def test_poses_in_one_line(robot: Robot, tmp_path: Path) -> None:
 
 def test_a_shipped_pose_is_replaced_in_the_file_of_the_user(robot: Robot, tmp_path: Path) -> None:
     shipped = [path.read_text() for path in TASKS.rglob("poses.yaml")]
-    with pytest.raises(FileError, match="pose folded ships with armtree; give another name"):
+    with pytest.raises(FileError, match="pose folded is shipped; give another name"):
         save_pose(robot, tmp_path, "folded", LEFT)
     assert os.listdir(tmp_path) == []
     path = save_pose(robot, tmp_path, "folded", LEFT, replace=True)
@@ -112,7 +112,7 @@ def test_a_shipped_pose_is_replaced_in_the_file_of_the_user(robot: Robot, tmp_pa
     assert poses(tmp_path)["folded"]["joint_1"] == pytest.approx(radians(70.0))
     remove_pose(robot, tmp_path, "folded")
     assert path.read_text().splitlines()[-1] == "replaces: [right]"
-    with pytest.raises(FileError, match="pose folded ships with armtree and stays"):
+    with pytest.raises(FileError, match="pose folded is shipped and cannot be removed"):
         remove_pose(robot, tmp_path, "folded")
     assert [path.read_text() for path in TASKS.rglob("poses.yaml")] == shipped
 
@@ -163,7 +163,7 @@ def test_what_is_wrong_changes_nothing(robot: Robot, file: Path) -> None:
         save_pose(robot, file.parent.parent, "left", LEFT)
     assert file.read_text() == wrong
     file.write_text(json := '{"poses": {"near": {"joint_1": 0.1}}}')
-    with pytest.raises(FileError, match="edit it by hand"):
+    with pytest.raises(FileError, match="edit the file by hand"):
         save_pose(robot, file.parent.parent, "folded", LEFT, replace=True)
     assert file.read_text() == json
 
