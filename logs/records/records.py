@@ -299,7 +299,7 @@ class Plan:
         code: Stable code of a failure; empty if a motion was found.
         message: The failure in words.
         spare: Distance from obstacles that the path keeps in addition to the robot's margin [m].
-            The start and the goal keep only the margin.
+            Start, via points and goal keep only the margin.
         speed: Share of the robot's speed, at most 1. The velocity limits are multiplied by this
             share, and the acceleration limits by its square.
     """

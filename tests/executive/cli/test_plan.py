@@ -128,7 +128,7 @@ def test_a_direction_for_the_tool(tmp_path: Path) -> None:
     free = plan(tmp_path, *point)
     held = plan(tmp_path, *point, "--direction", "0.8", "0.4", "0.45")
     assert isinstance(held.exception, Unreachable)  # three joints cannot do both
-    assert "can reach (100.0, 50.0, 80.0) mm, but there its axis" in str(held.exception)
+    assert "can reach (100.0, 50.0, 80.0) mm, but its axis" in str(held.exception)
     assert free.exit_code == 0
 
 
