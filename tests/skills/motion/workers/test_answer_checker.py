@@ -308,7 +308,7 @@ def test_a_solution_of_an_invalid_query(
 def test_an_error_with_other_durations(checker: AnswerChecker) -> None:
     error = BadQuery("?")
     error.milliseconds = {"time": float("nan")}
-    with pytest.raises(InvalidMessage, match="the durations"):
+    with pytest.raises(InvalidMessage, match="invalid durations"):
         checker.check(PICK, received(error))
 
 
