@@ -61,7 +61,13 @@ class RecordingNotCreated(LogError):
 
 
 class NoSpace(LogError):
-    """The disk is too full to begin a run."""
+    """The disk is too full to begin a run.
+
+    Args:
+        path: Folder of recordings.
+        free: Free space [bytes].
+        least: Space that a run may need [bytes].
+    """
 
     code = "log.no_space"
     hint = "remove old recordings"
@@ -76,7 +82,12 @@ class NoSpace(LogError):
 
 
 class DiskFull(LogError):
-    """The disk filled up while a run was recorded."""
+    """The disk became full while a run was recorded.
+
+    Args:
+        path: The recording.
+        whole: True if no record is missing from the recording.
+    """
 
     code = "log.disk_full"
     hint = "remove old recordings"

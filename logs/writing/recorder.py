@@ -57,7 +57,7 @@ class Recorder:
             path: The new file. Its folder must exist.
             epoch_ns: UTC time at time 0 of the records' clock [ns since 1970].
             on_failure: Callback for the first error; a full disk also counts as an error. A thread
-                of the recorder calls it at most once. The callback must not close the recorder.
+                of the recorder or `close` calls it. The callback must not close the recorder.
 
         Raises:
             RecordingExists: A file of that name exists.

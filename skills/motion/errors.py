@@ -359,6 +359,10 @@ class TooLong(MotionError):
         joint: Name of the joint that moves longest.
         value: Duration of the motion [s].
         limit: Largest duration [s].
+
+    Args:
+        joint, value, limit: See the attributes.
+        rates: Velocity and acceleration limits of the joint with units, for the message.
     """
 
     code = "plan.too_long"
