@@ -1,6 +1,6 @@
 """Recordings of runs: writing, retention, reading and drawing.
 
-Importing this room is cheap: the functions that use MCAP, NumPy or matplotlib import them.
+Importing this package is fast: only the functions that use MCAP, NumPy or matplotlib import them.
 """
 
 import typing

@@ -13,7 +13,7 @@ DISK_FULL = (errno.ENOSPC, errno.EDQUOT)
 
 
 class LogError(ArmtreeError):
-    """A recording cannot be written or read. Root of the errors of this room.
+    """A recording cannot be written or read. Base class of the errors of the package `logs`.
 
     Attributes:
         path: The file or folder.
@@ -35,18 +35,18 @@ class RecordingExists(LogError, FileExistsError):
     hint = "record under another name"
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path, "exists and is kept; record under a name 1 ms later")
+        super().__init__(path, "exists and is not overwritten; use a name with a time 1 ms later")
 
 
 class FileKept(LogError):
-    """A file of that name exists with another content, and is not overwritten."""
+    """A file of that name exists with other content. It is not overwritten."""
 
     code = "log.file_kept"
     exit_status = 3
     hint = "write to another folder with `-o FOLDER`"
 
     def __init__(self, path: Path) -> None:
-        super().__init__(path, f"exists with another content and is kept; {self.hint}")
+        super().__init__(path, f"exists with other content and is not overwritten; {self.hint}")
 
 
 class RecordingNotCreated(LogError):
@@ -61,7 +61,13 @@ class RecordingNotCreated(LogError):
 
 
 class NoSpace(LogError):
-    """The disk is too full to begin a run."""
+    """The disk is too full to begin a run.
+
+    Args:
+        path: Folder of recordings.
+        free: Free space [bytes].
+        least: Space that a run may need [bytes].
+    """
 
     code = "log.no_space"
     hint = "remove old recordings"
@@ -76,7 +82,12 @@ class NoSpace(LogError):
 
 
 class DiskFull(LogError):
-    """The disk filled up while a run was recorded."""
+    """The disk became full while a run was recorded.
+
+    Args:
+        path: The recording.
+        whole: True if no record is missing from the recording.
+    """
 
     code = "log.disk_full"
     hint = "remove old recordings"
@@ -94,8 +105,8 @@ class RecordingIncomplete(LogError):
     """The recording of a run is incomplete or unfinished.
 
     Attributes:
-        lost: Number of records and attachments missing from the file; None while the number may
-            grow.
+        lost: Number of records and attachments that are missing from the file; None if the run
+            still records, so that the number may grow.
         cause: The first error.
     """
 
@@ -146,7 +157,7 @@ class RecordingError(LogError, ValueError):
 
 
 class RecordingEmpty(RecordingError):
-    """A recording has no message yet, or was cut off before its first one."""
+    """A recording has no message yet, or was cut off before its first message."""
 
     hint = "if a run writes it, read it again later; if not, delete it"
 
@@ -155,7 +166,7 @@ class RecordingEmpty(RecordingError):
 
 
 class RecordingKept(RecordingError):
-    """A recording may not be deleted; the message says what to do instead."""
+    """A recording may not be deleted. The message says what to do instead."""
 
     hint = ""
 
@@ -193,11 +204,11 @@ class RecordingTruncated(RecordingError):
 
 
 class RecordingCut(RecordingError):
-    """The recording lacks the end of the run, because a crash cut it off. It was recovered."""
+    """The recording was recovered after a crash. It lacks the end of the run."""
 
     code = "log.cut"
     exit_status = 10
-    hint = "nothing: the recorded part is kept"
+    hint = "do nothing: the recorded part is kept"
 
     def __init__(self, path: Path) -> None:
         super().__init__(path, "was recovered after a crash; the end of the run is missing")

@@ -14,7 +14,7 @@ def check_space(folder: Path) -> int:
     """Return the free space for recordings [bytes].
 
     Args:
-        folder: Folder for recordings. It need not exist.
+        folder: Folder for recordings. It may be missing; its nearest existing parent then counts.
 
     Raises:
         NoSpace: A run may need more space than is free.
@@ -35,8 +35,8 @@ def recording_path(folder: Path, utc_ns: int, task: int | str) -> Path:
         task: Number of the task, or another name for the recording.
 
     Returns:
-        A path such as `recordings/20261121T103155.123Z-1.mcap`. A recorder refuses an existing
-        path; then try the next millisecond.
+        A path such as `recordings/20261121T103155.123Z-1.mcap`. If a file with this path exists,
+        the recorder rejects the path. The caller then tries a time 1 ms later.
 
     Raises:
         RecordingNotCreated: The folder cannot be created.

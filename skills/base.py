@@ -1,4 +1,4 @@
-"""The base class of skills: a py_trees leaf with typed ports that can be started and halted."""
+"""The base class of skills: a py_trees leaf with typed ports and hooks to start and halt it."""
 
 import logging
 import sys
@@ -21,7 +21,7 @@ from .ports import value_words
 
 logger = logging.getLogger(__name__)
 
-# Names that skills of users may still have, and the names that replace them.
+# Deprecated names of members, and the names that replace them. Users' skills may still have them.
 _RENAMED = {
     "judge": "validate",
     "judges_parts": "validates_partial",
@@ -31,7 +31,7 @@ _RENAMED = {
 
 
 class WorldChange(Enum):
-    """Change to the world by a skill, for the body that its input port `body` names."""
+    """What a skill does to the body that its input port `body` names."""
 
     ADDS = "adds the body that the method `body` returns"
     ATTACHES = "attaches it to the link of the input port `link`; without that port, detaches it"
@@ -46,29 +46,29 @@ class Skill(BehaviourWithPorts):
         context: Robot, arm, planners and time source of the skill.
 
     Attributes:
-        moves: True if it moves the arm. Only one such skill may run at a time.
-        condition: True if it only checks something, and finishes in the tick in which it starts.
-        pure: True if its result depends only on its inputs.
+        moves: True if the skill moves the arm. Only one such skill may run at a time.
+        condition: True if the skill only checks something, and finishes in the tick of its start.
+        pure: True if the result depends only on the inputs.
         validates_partial: True if `validate` also receives partially known inputs: Positions with
             `unknown` joints, and lists with None for an unknown item.
         phase: Reported phase while the skill runs, such as `waiting`. Default: `planning` until a
             motion is scheduled, then `executing`.
-        may_fail: False if it always succeeds.
-        may_succeed: False if it always fails.
-        world_change: Its change to the world; None for no change.
+        may_fail: False if the skill always succeeds.
+        may_succeed: False if the skill always fails.
+        world_change: Change to the world by the skill; None for no change.
         pose_output: Output port for the configuration that `poses` returns.
-        tool_output: Output port for the joint positions that answer `tool_query`; empty if it has
-            none.
-        plans_goal: True if it plans a motion to the configuration at its input port `goal`.
-        group: Group of joints that it plans for; empty if it does not plan a motion.
-        copies_targets: True if the configuration that it writes consists of its inputs.
-        failure: Error of the last failure, or None.
-        broken: Last exception of its code other than an error of armtree, or None.
+        tool_output: Output port for the joint positions that answer `tool_query`; empty if the
+            skill has no such port.
+        plans_goal: True if the skill plans a motion to the configuration at its input port `goal`.
+        group: Group of joints for which the skill plans; empty if it plans no motion.
+        copies_targets: True if the configuration that the skill writes consists of its inputs.
+        failure: Error of the last failure; None if the skill has not failed since its start.
+        broken: Last unexpected exception of the skill's code (not an error of armtree), or None.
         start_count: Number of starts.
-        named_ports: Input ports with a key or a parameter in the task's files.
-        values_read: Values for people, by port: those that it has read from `named_ports` since its
-            start.
-        synonyms: Names of the skill in other languages and libraries, for corrections.
+        named_ports: Input ports whose value in the task is a key or a parameter.
+        values_read: Values that the skill has read from `named_ports` since its start, as texts for
+            people, by port.
+        synonyms: Names of the skill in other languages and libraries, for suggestions.
     """
 
     moves = False
@@ -108,10 +108,14 @@ class Skill(BehaviourWithPorts):
     def get_input(self, port_name: str, default: Any = None) -> Any:
         """Return the value of an input port.
 
+        Args:
+            port_name: Name of the port.
+            default: Value to return if the port has no value.
+
         Raises:
             KeyError: The skill has no such port.
             TypeError: The value does not have the type of the port.
-            NoDataAvailable: There is no value, and no default.
+            NoDataAvailable: The port has no value and no default.
         """
         value = super().get_input(port_name, default)
         if port_name in self.named_ports:
@@ -125,51 +129,51 @@ class Skill(BehaviourWithPorts):
 
         Args:
             robot: Description of the robot.
-            inputs: Known values of input ports: values in the task, and defaults.
+            inputs: Known values of input ports, by port: values in the task, and defaults.
 
         Raises:
-            SkillError: An input is invalid. `SkillError.at` names the value, so that messages show
-                its line.
-            ExceptionGroup: Several inputs are invalid. Each error is reported at its own line.
+            SkillError: An input is invalid. Set the location of the value with `SkillError.at`, so
+                that messages show its line in the file.
+            ExceptionGroup: Several inputs are invalid. Each error is reported with its own line.
         """
 
     @classmethod
     def mistyped(cls, inputs: Mapping[str, Any], types: Mapping[str, str]) -> str:
-        """Return an error if the types of the inputs do not match each other, else "".
+        """Return an error as a text if the types of the inputs do not match each other, else "".
 
         Args:
-            inputs: Values written in the task, by port.
-            types: Their types, by port, as named in task files.
+            inputs: Values that are written in the task, by port.
+            types: Types of all inputs, by port, as named in task files.
         """
         return ""
 
     @classmethod
     def min_duration(cls, inputs: Mapping[str, Any]) -> float:
-        """Return a lower bound of the skill's duration [s], from the inputs in the task."""
+        """Return a lower bound of the skill's duration [s], computed from the known inputs."""
         return 0.0
 
     @classmethod
     def poses(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
-        """Return the configurations to which the known inputs move the arm.
+        """Return the configurations to which the skill moves the arm, if its inputs are known.
 
-        Each has one value per actuated joint [rad]. The analysis checks them for collision before
-        the run.
+        Each configuration has one value per actuated joint [rad]. Before the run, armtree checks
+        these configurations for collision.
         """
         return []
 
     @classmethod
     def waypoints(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
-        """Return the points that the arm passes on its way to the goal.
+        """Return the via points that the arm passes before the goal.
 
-        Each has one value per actuated joint of the arm's group [rad].
+        Each point has one value per actuated joint of the skill's group [rad].
         """
         return []
 
     @classmethod
     def tool_query(cls, robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery | None:
-        """Return the query for the target of the tool, in an empty world.
+        """Return the query for joint positions that bring the tool to its target.
 
-        The result is None if an input is not known.
+        The query has an empty world. The result is None if an input is not known.
         """
         return None
 
@@ -188,20 +192,20 @@ class Skill(BehaviourWithPorts):
 
     @property
     def progress(self) -> float | None:
-        """Progress of the motion from 0 to 1; None if the skill does not measure it."""
+        """Progress of the motion, from 0 to 1; None if it is not known."""
         return None
 
     @property
     def time_left(self) -> float:
-        """Time until its motion ends [s]; 0 if this is not known."""
+        """Time until the motion of the skill ends [s]; 0 if it is not known."""
         return 0.0
 
     def on_start(self) -> Status:
-        """Start the work. Called at the first tick. Must not block."""
+        """Start the work of the skill. Called at the first tick. Must not block."""
         raise NotImplementedError
 
     def on_running(self) -> Status:
-        """Continue the work. Called at each tick after the status RUNNING. Must not block."""
+        """Continue the work. Called at each tick while the skill is RUNNING. Must not block."""
         return Status.RUNNING
 
     def on_halt(self) -> None:
@@ -214,7 +218,10 @@ class Skill(BehaviourWithPorts):
         """
 
     def update(self) -> Status:
-        """Run one tick. An error of armtree becomes FAILURE, and `failure` keeps it."""
+        """Run one tick, and return the new status.
+
+        An error of armtree is not raised. It is stored in `failure`, and the status is FAILURE.
+        """
         if not (self._live or self.condition) and self.context.at_breakpoint(self):
             self.feedback_message = "waits to begin"
             return Status.RUNNING
@@ -224,7 +231,7 @@ class Skill(BehaviourWithPorts):
             self.failure, self.feedback_message, self.values_read = None, "", {}
         try:
             status = self.on_start() if starts else self.on_running()
-        except BaseException as error:  # also SystemExit, which would end the thread that ticks
+        except BaseException as error:  # also SystemExit, which would end the executor thread
             status = Status.FAILURE
             if errors := known_errors(error):
                 self.failure = combine_errors(errors)
@@ -237,7 +244,13 @@ class Skill(BehaviourWithPorts):
         return status
 
     def call_hook(self, hook: str) -> Any:
-        """Return the value of `busy`, `progress` or `time_left`, or call `on_pause`.
+        """Read the property `busy`, `progress` or `time_left`, or call `on_pause`.
+
+        Args:
+            hook: Name of the property or method.
+
+        Returns:
+            The value of the property, or the result of the call.
 
         Raises:
             SkillBroken: The hook raised an exception. The arm is stopped.
@@ -261,7 +274,15 @@ class Skill(BehaviourWithPorts):
             self._break("on_halt", error)
 
     def _break(self, hook: str, raised: BaseException) -> SkillBroken:
-        """Keep an exception of the skill's code, and stop the arm: its state is unknown."""
+        """Store an exception of the skill's code, and stop the arm, because its state is unknown.
+
+        Args:
+            hook: Name of the method that raised the exception.
+            raised: The exception.
+
+        Returns:
+            The error that reports the exception.
+        """
         error = SkillBroken(f"{type(self).__name__}.{hook}", raised)
         self.broken = error
         logger.error("%s", error)
@@ -273,9 +294,10 @@ class Skill(BehaviourWithPorts):
 
 
 def _accept_old_names(kind: type[Skill]) -> None:
-    """Give members with an old name the new name, with a warning.
+    """Let a class of skills use the deprecated names in `_RENAMED`.
 
-    Members with a new name also get the old name, so that `super().judge` in users' skills works.
+    A member with a deprecated name also gets the new name, with a warning. A member with a new name
+    also gets the deprecated name, so that `super().judge` in users' skills works.
     """
     members = dict(vars(kind))
     for old, new in _RENAMED.items():

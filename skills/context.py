@@ -19,11 +19,11 @@ from .question import NoOperator, Operator
 
 @dataclass(frozen=True, slots=True)
 class Planned:
-    """Event: a planner answered.
+    """Event: a planner has answered a query.
 
     Attributes:
         query: The planning query.
-        answer: The plan, or the error.
+        answer: The plan, or the error if no motion was found.
     """
 
     query: Query
@@ -35,12 +35,12 @@ class Scheduled:
     """Event: a motion was compiled into frames.
 
     Attributes:
-        schedule: The frames.
+        schedule: Schedule of the frames.
         start: Commanded positions of the arm before the first frame, one value per actuated joint
             [rad].
-        motion: Source of the frames; None for frames that were not planned.
-        resumed: Time within the interrupted motion at which it continues [s]; None for a motion
-            from its beginning.
+        motion: Motion that was compiled; None for frames that were not planned.
+        resumed: Time in the interrupted motion from which the frames continue it [s]; None if the
+            frames start a motion at its beginning.
     """
 
     schedule: Schedule
@@ -51,7 +51,7 @@ class Scheduled:
 
 @dataclass(frozen=True, slots=True)
 class LeaderRead:
-    """Event: the next step follows the leader.
+    """Event: the positions of the leader were read, for the next step of the arm that follows.
 
     Attributes:
         positions: Measured positions of the leader, one value per actuated joint [rad].
@@ -68,7 +68,7 @@ class Scene:
     """The world around the arm during a run.
 
     Attributes:
-        world: Its bodies. Skills replace it, on the thread that ticks the tree.
+        world: The current world. Skills replace it, on the thread that ticks the tree.
     """
 
     world: World = EMPTY
@@ -87,11 +87,11 @@ class Context:
         wake: Callback that requests a tick of the tree. Any thread may call it.
         publish: Callback that reports an event to the recorder.
         clock: Time source.
-        wake_at: Callback that requests a tick at a time of `now()` [s]. A request is valid until
-            the next tick, so call it at every tick.
-        scene: World around the arm.
-        operator: Person who answers questions.
-        leader: Arm that a person moves by hand.
+        wake_at: Callback that requests a tick at a time [s] on the clock of `now()`. Any tick
+            cancels the request, so repeat it at every tick.
+        scene: Holds the world around the arm.
+        operator: Interface to the person who answers questions.
+        leader: Interface to the arm that a person moves by hand.
         paused_time: Callback that returns the total time of pauses so far [s].
         at_breakpoint: Callback that returns True if a skill must not start yet.
     """
@@ -112,5 +112,5 @@ class Context:
     at_breakpoint: Callable[[Behaviour], bool] = field(default=lambda _: False)
 
     def now(self) -> float:
-        """Return the time of the run [s]. It stops while the run is paused."""
+        """Return the current time of the run [s]. This time stands still during a pause."""
         return self.clock.now() - self.paused_time()

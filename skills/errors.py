@@ -1,6 +1,6 @@
 """Errors of skills.
 
-The root is SkillError. TaskFailed and its subclasses report tasks that failed by their own tree.
+The base class is SkillError. TaskFailed and its subclasses report that the tree of a task failed.
 """
 
 from collections.abc import Mapping, Sequence
@@ -13,15 +13,15 @@ from .motion.errors import MotionError
 
 
 class SkillError(ArmtreeError):
-    """A skill failed without a specific cause. Root of the errors of skills.
+    """A skill failed without a specific cause. Base class of the errors of skills.
 
     Attributes:
-        location: Location of the invalid value: its port, then keys and indices within it; empty if
-            no value in the task is invalid.
-        node: Path of the node if the error was found before the run; else empty.
-        place: Its place in a file, and the places that refer to it; empty with `node`.
-        files: Texts of the files of its task, by name; empty with `node`.
-        argument: Name of the argument that has the invalid value; empty if there is none.
+        location: Location of the invalid value: the port, then keys and indices within its value;
+            empty if no value in the task is invalid.
+        node: Path of the node in the tree; empty if the error was not found before the run.
+        place: Place of the node in a file, and the places that refer to it; empty if `node` is.
+        files: Texts of the task's files, by name; empty if `node` is.
+        argument: Name of the argument with the invalid value; empty if no argument is invalid.
     """
 
     code = "skill.error"
@@ -36,13 +36,21 @@ class SkillError(ArmtreeError):
     location: tuple[str | int, ...] = ()
 
     def at(self, *location: str | int) -> Self:
-        """Return the error with the location of the invalid value."""
+        """Set the location of the invalid value, and return this error.
+
+        Args:
+            location: Name of the port, then keys and indices within its value.
+        """
         self.location = location
         return self
 
 
 def refuse(errors: Sequence[Exception]) -> None:
-    """Raise one error as it is, or several errors as a group. Do nothing if there is none."""
+    """Raise the errors: a single error as it is, several errors as an ExceptionGroup.
+
+    Args:
+        errors: The errors. If there is none, the function returns.
+    """
     if len(errors) == 1:
         raise errors[0]
     if errors:
@@ -56,9 +64,9 @@ class OutOfBounds(SkillError):
         errors: One error per joint outside its limits.
 
     Attributes:
-        joint: Name of the first such joint.
-        value: Its target [rad].
-        limit: The exceeded limit [rad]; None if the target is not finite.
+        joint: Name of the first joint outside its limits.
+        value: Target of this joint [rad].
+        limit: The exceeded limit of this joint [rad]; None if the target is not finite.
     """
 
     code = "goal.out_of_bounds"
@@ -73,10 +81,10 @@ class OutOfBounds(SkillError):
 
 
 class BadTarget(SkillError):
-    """A target names an unknown joint, omits one, or contradicts the leader of a mimic joint.
+    """A target names an unknown joint, lacks a joint, or contradicts the leader of a mimic joint.
 
     Attributes:
-        superfluous: True if the target is right without the value at `location`.
+        superfluous: True if the target becomes valid when the value at `location` is removed.
     """
 
     code = "goal.bad_target"
@@ -99,7 +107,7 @@ class BadBody(SkillError):
 
 
 class BadQuestion(SkillError):
-    """A question or choice is empty or repeated, or the wanted answer is not a choice."""
+    """A question is empty, a choice is empty or repeated, or the wanted answer is not a choice."""
 
     code = "goal.bad_question"
     exit_status = 4
@@ -139,7 +147,7 @@ class SkillBroken(SkillError):
 
     Args:
         where: Name of the method, such as `Wave.on_start`.
-        what: The exception, or words for the invalid result, such as `gave None, not a number`.
+        what: The exception, or a description of the invalid result: `gave None, not a number`.
     """
 
     code = "skill.broken"
@@ -152,7 +160,7 @@ class SkillBroken(SkillError):
 
 
 class TaskFailed(SkillError):
-    """The task failed by its own tree."""
+    """The tree of the task failed, although no part of armtree or the arm failed."""
 
     code = "task.failed"
     exit_status = 11
@@ -200,9 +208,10 @@ Error = TypeVar("Error", bound=Exception)
 
 
 def known_errors(raised: BaseException) -> list[KnownError]:
-    """Return the errors of armtree in an exception: itself, or all members of a group.
+    """Return the errors of armtree that an exception contains.
 
-    The list is empty if the exception or a member is not an error of armtree.
+    An ExceptionGroup contains its members; any other exception contains itself. The list is empty
+    if one of these is not an error of armtree.
     """
     if isinstance(raised, KnownError):
         return [raised]
@@ -213,10 +222,10 @@ def known_errors(raised: BaseException) -> list[KnownError]:
 
 
 def combine_errors(errors: Sequence[Error]) -> Error:
-    """Return the first OutOfBounds, or else the first error, with the messages of all errors.
+    """Return one of the errors, with the messages of all errors joined.
 
     Args:
-        errors: One or more errors.
+        errors: One or more errors. The first OutOfBounds is returned, or else the first error.
     """
     if len(errors) == 1:
         return errors[0]

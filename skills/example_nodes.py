@@ -1,4 +1,4 @@
-"""Nodes of shipped skills in the form of task files, for corrections and taught tasks."""
+"""Texts of nodes for task files, with shipped skills. Corrections and taught tasks use them."""
 
 from .leaves.blackboard import Compare
 from .leaves.check_hardware import CheckHardware
@@ -6,14 +6,14 @@ from .leaves.result import Fail, Succeed
 from .leaves.wait import Wait
 
 EXAMPLE_CONDITION = CheckHardware.__name__
-NODE_FOR = {True: Succeed.__name__, False: Fail.__name__}  # nodes with a fixed result
+NODE_FOR = {True: Succeed.__name__, False: Fail.__name__}  # node that always succeeds, or fails
 
 
 def wait_node(duration: str) -> str:
-    """Return a node that waits, for a duration such as `2 s`."""
+    """Return the text of a node that waits. The duration is a text such as `2 s`."""
     return f"{Wait.__name__}: {{duration: {duration}}}"
 
 
 def compare_node(left: str, sign: str, right: str) -> str:
-    """Return a node that compares two values, in braces."""
+    """Return the text of a node that compares two values, in braces."""
     return f'{{{Compare.__name__}: {{left: {left}, is: "{sign}", right: {right}}}}}'

@@ -19,7 +19,7 @@ RESULT = "result"
 
 
 class Cancel:
-    """The cancel signal of a function that runs for long.
+    """The cancel signal for a function that runs for a long time.
 
     Args:
         clock: Time source.
@@ -29,13 +29,20 @@ class Cancel:
         self._clock, self._signal, self._set = clock, clock.signal(), False
 
     def set(self) -> None:
-        """Request that the function returns."""
+        """Request that the function returns early."""
         with self._signal:
             self._set = True
             self._signal.notify()
 
     def wait(self, seconds: float) -> bool:
-        """Wait for a time [s] or a cancel; return True if canceled."""
+        """Wait until a time passed or the function was canceled.
+
+        Args:
+            seconds: Longest time to wait [s].
+
+        Returns:
+            True if the function was canceled, and should return.
+        """
         until = self._clock.now() + seconds
         with self._signal:
             while not self._set and self._clock.now() < until:
@@ -46,10 +53,10 @@ class Cancel:
 def skill(function: Function) -> Function:
     """Register a function as a skill with the function's name.
 
-    Its annotated parameters are the input ports. If it returns a value, `result` is an output port.
-    A parameter annotated `Context` or `Cancel` is not a port: armtree passes a value. The function
-    runs on its own thread. A function that may take longer than 250 ms must check a `Cancel`. An
-    exception of the function fails the skill.
+    Each annotated parameter is an input port. If the function returns a value, the skill has an
+    output port `result`. A parameter annotated `Context` or `Cancel` is not a port: armtree passes
+    its value. The function runs on its own thread. A function that may take longer than 250 ms must
+    check its `Cancel`. If the function raises an exception, the skill fails.
 
     Raises:
         TypeError: A parameter has no annotation, or its annotation is not a type of a port.
@@ -61,7 +68,7 @@ def skill(function: Function) -> Function:
 def condition(function: Function) -> Function:
     """Register a function that returns a bool as a condition with the function's name.
 
-    Every tick calls it, on the thread that ticks the tree, so it must return at once.
+    Every tick calls the function on the thread that ticks the tree, so it must return at once.
 
     Raises:
         TypeError: The function is not annotated to return a bool, or a parameter has no annotation.
@@ -91,7 +98,7 @@ def _register(function: Callable[..., Any], base: type[Skill]) -> None:
     returns = hints.get("return", type(None))
     outputs = {}
     if base is _Action and returns is not type(None):
-        outputs[RESULT] = Port(returns, description="what it returns")
+        outputs[RESULT] = Port(returns, description="value that the function returns")
     members = {
         "__doc__": inspect.getdoc(function) or f"Call {function.__name__}.",
         "__module__": function.__module__,
@@ -114,7 +121,7 @@ class _Function(Skill, register=False):
 
 
 class _Condition(_Function, register=False):
-    """A function that is called in the tick."""
+    """A condition. Its function is called on the thread that ticks the tree."""
 
     condition = True
 
@@ -129,7 +136,7 @@ class _Condition(_Function, register=False):
 
 
 class _Action(_Function, register=False):
-    """A function that runs on its own thread."""
+    """A skill whose function runs on its own thread."""
 
     _cancel: Cancel | None = None
     _answer: list[Any] | None = None
@@ -140,7 +147,7 @@ class _Action(_Function, register=False):
         return self._cancel is not None and not self._answer
 
     def on_start(self) -> Status:
-        """Start the thread."""
+        """Start the thread of the function."""
         clock, answer = self.context.clock, list[Any]()
         self._cancel, self._answer = Cancel(clock), answer
         provided = {Context: self.context, Cancel: self._cancel}
@@ -157,7 +164,7 @@ class _Action(_Function, register=False):
         return Status.RUNNING
 
     def on_running(self) -> Status:
-        """Process the returned value."""
+        """Write the returned value to the output port when the function has returned."""
         if not self._answer:
             return Status.RUNNING
         (returned,) = self._answer
@@ -176,7 +183,7 @@ class _Action(_Function, register=False):
             raise _wrong_type(self, returned, getattr(wanted, "__name__", str(wanted))) from error
 
     def on_halt(self) -> None:
-        """Request that the function returns."""
+        """Request that the function returns early."""
         if self._cancel:
             self._cancel.set()
 

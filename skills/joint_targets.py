@@ -15,16 +15,17 @@ Location = tuple[str | int, ...]
 def check_targets(
     robot: Robot, targets: Mapping[str, Mapping[str, float]], location: Location | None = None
 ) -> None:
-    """Check the targets of groups.
+    """Check the joint targets of one or more groups.
 
     Args:
         robot: Description of the robot.
-        targets: Joint targets by group: joint name to position [rad]. Mimic joints may be omitted.
+        targets: Joint targets of each group: joint name to position [rad]. Mimic joints may be
+            omitted.
         location: Location of the value with all targets: its port, then keys or indices. None if
-            each group has a port of its name.
+            each group has an own port, with the name of the group.
 
     Raises:
-        OutOfBounds: A joint is outside its limits. The message has every error.
+        OutOfBounds: A joint is outside its limits. The message names all errors.
         BadTarget: A joint is unknown or missing, or a mimic joint contradicts its leader.
     """
     if errors := target_errors(robot, targets, location):
@@ -34,7 +35,7 @@ def check_targets(
 def target_errors(
     robot: Robot, targets: Mapping[str, Mapping[str, float]], location: Location | None = None
 ) -> list[SkillError]:
-    """Return every error that `check_targets` finds, each with its location."""
+    """Return all errors that `check_targets` finds. Each error has the location of its value."""
     errors: list[SkillError] = []
     for group, target in targets.items():
         at = (group,) if location is None else location
@@ -44,7 +45,7 @@ def target_errors(
 
 
 def joined(robot: Robot, targets: Mapping[str, Mapping[str, float]]) -> Positions:
-    """Return the target of every actuated joint, from complete targets of all groups."""
+    """Return one target for all actuated joints, joined from complete targets of all groups."""
     positions = {name: q for target in targets.values() for name, q in target.items()}
     return Positions((joint.name, positions[joint.name]) for joint in robot.actuated)
 
@@ -52,7 +53,13 @@ def joined(robot: Robot, targets: Mapping[str, Mapping[str, float]]) -> Position
 def configuration_errors(
     robot: Robot, port: str, configuration: Mapping[str, float]
 ) -> list[SkillError]:
-    """Return every error of a configuration, each with its location."""
+    """Return all errors of a configuration. Each error has the location of its value.
+
+    Args:
+        robot: Description of the robot.
+        port: Name of the port with the configuration.
+        configuration: Position of every actuated joint [rad], by name.
+    """
     return [
         *_value_errors(robot, configuration, (port,)),
         *missing_joint_errors(robot, port, configuration),
@@ -63,7 +70,10 @@ def configuration_errors(
 def missing_joint_errors(
     robot: Robot, port: str, configuration: Mapping[str, float]
 ) -> list[SkillError]:
-    """Return the errors of missing joints: one or none. A misspelt joint is not missing."""
+    """Return a list with one error if joints are missing, else an empty list.
+
+    A joint whose name is misspelt does not count as missing.
+    """
     names = [joint.name for joint in robot.actuated]
     written = _written(configuration)
     corrected = corrections(written, [joint.name for joint in robot.joints]).values()
@@ -73,7 +83,7 @@ def missing_joint_errors(
 
 
 def link_errors(robot: Robot, port: str, link: str) -> list[SkillError]:
-    """Return an error if the robot does not have this link."""
+    """Return a list with one error if the robot does not have this link, else an empty list."""
     if link in robot.links:
         return []
     why = f"the robot has no link {link}; it has {', '.join(robot.links)}"
@@ -83,7 +93,7 @@ def link_errors(robot: Robot, port: str, link: str) -> list[SkillError]:
 def split_by_group(
     robot: Robot, joints: Mapping[str, float], port: str
 ) -> dict[str, dict[str, float]]:
-    """Return positions of joints by the group of each joint.
+    """Return joint positions by group: for each group, joint name to position [rad].
 
     Raises:
         BadTarget: A joint is unknown.
@@ -112,7 +122,7 @@ def unknown_joint_errors(
 
 
 def _joint_names(robot: Robot) -> str:
-    """Return the names of the actuated joints by group, as a text."""
+    """Return the names of the actuated joints of each group, as words for a message."""
     groups = ((group, [joint.name for joint in robot.actuated_in(group)]) for group in robot.groups)
     return " and ".join(f"{', '.join(names)} ({group})" for group, names in groups if names)
 
@@ -120,7 +130,7 @@ def _joint_names(robot: Robot) -> str:
 def mimic_errors(
     robot: Robot, joints: Mapping[str, float], *location: str | int
 ) -> list[SkillError]:
-    """Return an error for each mimic joint whose leader is not named."""
+    """Return an error for each mimic joint that is named without its leader."""
     written = _written(joints)
     named = {*written, *corrections(written, [joint.name for joint in robot.joints]).values()}
     return [
@@ -141,7 +151,7 @@ def _follows(joint: Joint, mimic: Mimic, position: float | None) -> str:
 def _name_errors(
     robot: Robot, group: str, target: Mapping[str, float]
 ) -> Iterator[tuple[str, str]]:
-    """Yield the name of each unknown or missing joint, and the message."""
+    """Yield the name of each unknown or missing joint or group, and the message of the error."""
     if group not in robot.groups:
         yield group, f"the robot has no group {group}; it has {', '.join(robot.groups)}"
         return
@@ -163,14 +173,14 @@ def _name_errors(
 
 
 def _written(target: Mapping[str, float]) -> list[str]:
-    """Return the named joints, also those with an unknown value."""
+    """Return the names of the joints in a target, also of joints whose value is unknown."""
     return [*target, *getattr(target, "unknown", ())]
 
 
 def _value_errors(
     robot: Robot, target: Mapping[str, float], location: Location
 ) -> list[SkillError]:
-    """Return the errors of joints outside their limits, and of wrong mimic joints."""
+    """Return an error for each joint outside its limits or contradicting its leader."""
     errors: list[SkillError] = []
     for joint in (joint for joint in robot.joints if joint.name in target):
         if why := _contradiction(joint, target):
@@ -195,20 +205,20 @@ def _contradiction(joint: Joint, target: Mapping[str, float]) -> str:
     offset = f" plus {joint.words(mimic.offset)}" if mimic.offset else ""
     leader = f"{mimic.leader} = {joint.words(target[mimic.leader])}"
     why = f"{joint.name} = {joint.words(given)} contradicts {leader}"
-    return f"{why}; it follows, as {times}{offset}: leave {joint.name} out"
+    return f"{why}: {joint.name} is always {times}{offset}; leave {joint.name} out"
 
 
 def joint_errors(robot: Robot, joints: Positions) -> list[SkillError]:
-    """Return the errors of targets of some joints that do not depend on the other joints.
+    """Return the errors of targets of some joints, as far as they are known before the run.
 
     Args:
         robot: Description of the robot.
-        joints: Positions by joint name, of the port `joints` [rad].
+        joints: Value of the port `joints`: positions by joint name [rad].
     """
     port = "joints"
     errors = [*unknown_joint_errors(robot, joints, port), *mimic_errors(robot, joints, port)]
     written, wrong = _written(joints), {error.location[-1] for error in errors}
-    # The position of a leader is unknown before the run if its name is missing or misspelt.
+    # If the name of a leader is missing or misspelt, its position is unknown before the run.
     wrong |= {j.name for j in robot.joints if j.mimic and j.mimic.leader not in written}
     part = Positions((name, q) for name, q in joints.items() if name not in wrong)
     boot = robot.by_joint(robot.boot_pose)
@@ -222,7 +232,15 @@ def joint_errors(robot: Robot, joints: Positions) -> list[SkillError]:
 def completed(
     robot: Robot, start: Mapping[str, float], joints: Positions, port: str
 ) -> dict[str, dict[str, float]]:
-    """Return a target for each group, with start positions of joints without a target."""
+    """Return a complete target for each group: joint name to position [rad].
+
+    Args:
+        robot: Description of the robot.
+        start: Start position of every actuated joint [rad], by name. A joint without a target keeps
+            this position.
+        joints: Targets of some joints [rad], by name.
+        port: Name of the port with the targets, for errors.
+    """
     targets = split_by_group(robot, joints, port)
     return {
         group: {joint.name: start[joint.name] for joint in robot.actuated_in(group)} | target
@@ -231,15 +249,15 @@ def completed(
 
 
 def distance_errors(robot: Robot, by: Mapping[str, float]) -> list[SkillError]:
-    """Return the errors of distances that do not depend on the start.
+    """Return the errors of distances that are known before the start position is known.
 
     Args:
         robot: Description of the robot.
-        by: Distances by joint name, of the port `by` [rad].
+        by: Value of the port `by`: distances by joint name [rad].
     """
     joints = {joint.name: joint for joint in robot.actuated}
     written = _written(by)
-    why = f"is not a joint that turns; there are {', '.join(joints)}"
+    why = f"is not an actuated joint; choose from {', '.join(joints)}"
     errors: list[SkillError] = [
         BadTarget(f"{name} {why}{suggestion(name, joints, written)}").at("by", name)
         for name in written
@@ -252,7 +270,7 @@ def distance_errors(robot: Robot, by: Mapping[str, float]) -> list[SkillError]:
 
 
 def _too_far(joint: Joint, distance: float) -> BadPosition | None:
-    """Return an error if a distance exceeds the range of a joint."""
+    """Return an error if a distance exceeds the range of a joint, else None."""
     span = math.pi if joint.continuous else joint.upper - joint.lower
     if abs(distance) <= span:  # False for NaN
         return None

@@ -1,4 +1,4 @@
-"""The interface to a leader: a hand-guided arm that another arm follows."""
+"""The interface to a leader: an arm that a person moves by hand, and that another arm follows."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -12,9 +12,9 @@ class Blocked:
     """The reason that the arm does not follow its leader.
 
     Attributes:
-        contact: The two bodies that would come too close, and their distance, in words.
-        free: Free directions by joint: True if it alone may move to smaller positions, and True for
-            larger ones.
+        contact: Words that name the two bodies that would come too close, and their distance.
+        free: Free directions of each joint, by name: True if the joint alone may move to smaller
+            positions, and True if it alone may move to larger positions.
     """
 
     contact: str
@@ -22,24 +22,30 @@ class Blocked:
 
 
 class Leader(Protocol):
-    """A hand-guided arm. No method blocks."""
+    """A hand-guided arm that another arm follows. No method blocks."""
 
     def positions(self) -> tuple[float, ...] | None:
-        """Return its measured positions, one per actuated joint [rad], or None to stop following.
+        """Return the measured positions of the leader, one per actuated joint [rad].
+
+        Returns None if the arm shall stop following.
 
         Raises:
-            HardwareError: The arm is lost.
+            HardwareError: The connection to the leader is lost.
         """
 
     def show(self, blocked: Blocked | None) -> None:
-        """Show the reason that the arm does not follow, or None if it follows."""
+        """Show people why the arm does not follow.
+
+        Args:
+            blocked: The reason; None if the arm follows.
+        """
 
 
 class NullLeader:
-    """Takes the place of a leader if there is none."""
+    """Replaces the leader if no hand-guided arm is connected."""
 
     def positions(self) -> tuple[float, ...] | None:
-        """Raise the error."""
+        """Raise NoLeader."""
         raise NoLeader("there is no arm to follow; type: armtree teleop --leader PORT")
 
     def show(self, blocked: Blocked | None) -> None:

@@ -1,4 +1,4 @@
-"""Plans of several groups, merged into one motion of the whole arm."""
+"""Merges the plans of several groups into one motion of the whole arm."""
 
 from collections.abc import Sequence
 
@@ -9,9 +9,10 @@ from .motion.query import Rest, Verify
 from .motion.trajectory.plan import Plan
 from .motion.world import World
 
-# Margin of the check of frames as the board plays them [m]. Servos turn in whole degrees and one
-# after the other, so the fingertip deviates up to 15 mm from the plan (measured). Therefore this
-# margin is smaller than that of planning. It still guarantees half a millimetre everywhere.
+# Margin for the collision check of frames, as the board executes them [m]. Servos turn in whole
+# degrees and one after the other, so the fingertip deviates up to 15 mm from the plan (measured).
+# Therefore this margin is smaller than the margin of planning. It still guarantees half a
+# millimetre everywhere.
 _PLAYED_MARGIN = 0.001
 _ROUNDING = 1e-6  # [rad]
 
@@ -21,16 +22,16 @@ class MergedMotion:
 
     Args:
         robot: Description of the robot.
-        start: Position of the arm, one value per actuated joint [rad].
-        plans: One plan per group.
-        together: True if all plans start at once; False if each starts at the end of the previous
-            one.
+        start: Position of the arm at the start, one value per actuated joint [rad].
+        plans: Plans of different groups.
+        together: True if all plans start at the same time; False if each plan starts at the end of
+            the previous plan.
 
     Attributes:
         groups: Group of each plan.
-        together: True if all plans start at once.
+        together: True if all plans start at the same time.
         duration: Duration of the whole motion [s].
-        sampled: Rows that `sample` has returned, by time [s].
+        sampled: Rows of positions that `sample` has returned, by time [s].
     """
 
     def __init__(
@@ -51,20 +52,24 @@ class MergedMotion:
         self.duration = max(ends, default=0.0)
 
     def compile(self) -> Schedule:
-        """Return the frames of the motion. Raises the errors of `compile_schedule`."""
+        """Return the schedule of frames for the motion. Raises the errors of `compile_schedule`."""
         return compile_schedule(self._robot, self._start, self.sample, self.duration)
 
     def rest(self, time: float, start: tuple[float, ...]) -> list[Plan | Rest]:
-        """Return the rest of the motion: whole plans, and requests to time partial plans again.
+        """Return what remains of a stopped motion.
 
-        A loosened gripper holds an object. It has no rest of the motion.
+        A gripper that was loosened to hold an object does not move again.
 
         Args:
-            time: Time at which the motion was stopped [s].
+            time: Time of the stop, from the start of the motion [s].
             start: Position of the stopped arm, one value per actuated joint [rad].
 
+        Returns:
+            A plan that had not started yet as it is. For a plan that was stopped on its way, a
+            request to time the rest of its path again.
+
         Raises:
-            StartMoved: Another joint is not where the motion was stopped.
+            StartMoved: A joint that is not of the gripper is not at the position of the stop.
         """
         left: list[Plan | Rest] = []
         (stopped,) = self.sample([time])
@@ -84,7 +89,7 @@ class MergedMotion:
         return self.sample([0.0]) == [[*positions]]
 
     def sample(self, times: Sequence[float]) -> list[list[float]]:
-        """Return a row of positions [rad] for each time [s], one value per actuated joint."""
+        """Return positions for each time [s]: a row with one value per actuated joint [rad]."""
         rows = [[*self._start] for _ in times]
         for begins, columns, plan in self._plans:
             moved = plan.sample([time - begins for time in times]).tolist()
@@ -101,32 +106,32 @@ def differs(a: float, b: float) -> bool:
 
 
 def moved_gripper(robot: Robot, before: Sequence[float], start: Sequence[float]) -> list[int]:
-    """Return the indices of the joints of the gripper that have another position than before.
+    """Return the indices of the gripper's joints that are not at their expected position.
 
     Args:
-        robot: The robot.
+        robot: Description of the robot.
         before: Expected position of the arm, one value per actuated joint [rad].
-        start: Position of the arm, one value per actuated joint [rad].
+        start: Actual position of the arm, one value per actuated joint [rad].
 
     Raises:
-        StartMoved: A joint that is not of the gripper has another position.
+        StartMoved: A joint that is not of the gripper is not at its expected position.
     """
     gripper = robot.groups.get("gripper", ())
     moved = [k for k, (a, b) in enumerate(zip(before, start, strict=True)) if differs(a, b)]
     for name in (robot.actuated[k].name for k in moved):
         if name not in gripper:
-            raise StartMoved(f"{name} is not where the motion begins; plan again")
+            raise StartMoved(f"{name} is not at the start of the motion; plan again")
     return moved
 
 
 def verify_query(
     robot: Robot, start: tuple[float, ...], schedule: Schedule, timeout: float, world: World
 ) -> Verify:
-    """Return the query that checks frames for collisions before they are sent.
+    """Return the request to check frames for collisions before they are sent.
 
     Args:
         robot: Description of the robot.
-        start: Position of the arm, one value per actuated joint [rad].
+        start: Position of the arm before the first frame, one value per actuated joint [rad].
         schedule: The frames.
         timeout: Longest time for the check [s].
         world: World around the arm.

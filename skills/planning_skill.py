@@ -16,7 +16,7 @@ class PlannerJob:
 
     Attributes:
         done: True if the planner has answered.
-        answer: The answer, once `done`.
+        answer: Answer of the planner; None until `done` is True.
     """
 
     def __init__(self, context: Context, request: Request) -> None:
@@ -35,7 +35,7 @@ class PlannerJob:
 
 
 class PlanningSkill(Skill, register=False):
-    """A skill that sends a request to the planners. Subclasses implement `on_answer`."""
+    """A skill that sends a request to the planners. A subclass implements `on_answer`."""
 
     _job: PlannerJob | None = None
 
@@ -45,20 +45,24 @@ class PlanningSkill(Skill, register=False):
         return self._job is not None and not self._job.done
 
     def request(self, request: Request) -> Status:
-        """Send a request to the planners."""
+        """Send a request to the planners. Return RUNNING."""
         self._job = PlannerJob(self.context, request)
         return Status.RUNNING
 
     def on_answer(self, answer: Result) -> Status:
-        """Process the answer of the planner. Raise it if it is an error."""
+        """Process the answer of the planner, and return the new status.
+
+        Args:
+            answer: The answer. If it is an error, the method raises it.
+        """
         raise NotImplementedError
 
     def on_running(self) -> Status:
-        """Process the answer when it has arrived."""
+        """Process the answer of the planner when it has arrived."""
         assert self._job
         return self.on_answer(self._job.answer) if self._job.done else Status.RUNNING
 
     def on_halt(self) -> None:
-        """Cancel the request."""
+        """Cancel the request to the planners."""
         if self._job:
             self._job.cancel()

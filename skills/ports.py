@@ -1,4 +1,4 @@
-"""Types of ports: values with a unit and bounds, joint positions, vectors."""
+"""Ports of skills: their units and bounds, joint positions, vectors, and texts for values."""
 
 import sys
 from collections.abc import Iterator, Sequence
@@ -13,26 +13,27 @@ from hardware.printable import plural
 
 from .errors import BadTarget
 
-MOST_REACHES = 10  # largest length in a task, as a multiple of the arm's reach
+MOST_REACHES = 10  # largest length in a task, divided by the arm's reach
 ORIGIN = (0.0, 0.0, 0.0)
-MAX_WORDS = 200  # largest number of characters of a value for people
+MAX_WORDS = 200  # largest length of a text for a value [characters]
 
 
 @dataclass(frozen=True)
 class Port(PortInformation):
-    """A port of a skill. Values of this port in task files are checked against it.
+    """A port of a skill. The values of this port in task files must fit its attributes.
 
     A port of type `object` accepts a number, a text, or true or false.
 
     Attributes:
-        unit: Unit of a float or of a list's items: `rad`, `s` or `m`; "" for no unit. With `rad`, a
-            task file may also write `-80 deg`.
-        least: Smallest value.
-        most: Largest value.
+        unit: Unit of a float, or of each item of a list: `rad`, `s` or `m`; "" for no unit. With
+            `rad`, a task file may also contain `-80 deg`.
+        least: Smallest allowed value; None for no limit.
+        most: Largest allowed value; None for no limit.
         count: Number of items of a list; 0 for any number.
-        choices: Allowed texts; empty for any.
-        relative: True for positions that are distances: a task cannot give a pose for them.
-        like: Port of the same skill that must have the same type; for ports of type `object`.
+        choices: Allowed texts; empty if any text is allowed.
+        relative: True if the positions are distances; a task then cannot name a pose here.
+        like: Other port of the skill whose value must have the same type. Only for ports of type
+            `object`.
     """
 
     unit: str = ""
@@ -45,10 +46,10 @@ class Port(PortInformation):
 
 
 class Positions(dict[str, float]):
-    """Joint name to position [rad].
+    """Joint positions: a dict from joint name to position [rad].
 
     Attributes:
-        unknown: Names of further joints, whose values are invalid or not known yet.
+        unknown: Names of additional joints whose positions are invalid or not known yet.
     """
 
     unknown: tuple[str, ...] = ()
@@ -60,24 +61,25 @@ def vector(
     default: tuple[float, ...] | None = None,
     least: float | None = None,
 ) -> Port:
-    """Declare a port for three numbers.
+    """Return a port for three numbers x, y, z.
 
     Args:
         description: Description of the port.
         unit: Unit of the numbers; "" for no unit.
-        default: Value if the task gives none; it may be empty. None if the task must give a value.
-        least: Smallest number.
+        default: Value of the port if the task has no value; may be empty. None if the task must
+            have a value.
+        least: Smallest allowed number; None for no limit.
     """
     value = None if default is None else list(default)
     return Port(list[float], True, description, value, unit=unit, least=least, count=3)
 
 
 def xyz(name: str, values: Sequence[float]) -> tuple[float, float, float]:
-    """Return the three numbers of a vector.
+    """Return the three numbers of a vector as a tuple.
 
     Args:
         name: Name of the vector, for the message.
-        values: Its numbers.
+        values: Numbers of the vector.
 
     Raises:
         BadTarget: There are not exactly three values.
@@ -89,12 +91,12 @@ def xyz(name: str, values: Sequence[float]) -> tuple[float, float, float]:
 
 
 def value_words(value: Any, unit: str, robot: Robot) -> str:
-    """Return the value of a port for people, in at most `MAX_WORDS` characters.
+    """Return a text for people that shows the value of a port, in at most `MAX_WORDS` characters.
 
     Args:
-        value: The value. It may have any type. Of a large object, of a list in a list and of an
-            integer too large for a float, only the type is named.
-        unit: Unit of its numbers: `rad`, `s`, `m` or "".
+        value: The value, of any type. The text has only the name of the type for an object, for a
+            list in a list, and for an integer that is too large for a float.
+        unit: Unit of the numbers in the value: `rad`, `s`, `m` or "".
         robot: Description of the robot.
     """
     items = _items(value, unit, robot)

@@ -1,4 +1,4 @@
-"""The interface to the operator, the person beside the arm: questions and answers."""
+"""The interface to the operator, the person who watches the arm: questions and answers."""
 
 import threading
 from collections.abc import Callable
@@ -11,13 +11,13 @@ class Question:
     Args:
         text: The question.
         choices: Allowed answers; empty for any text.
-        wake: Callback after the question was answered or rejected.
+        wake: Callback that is called when the question was answered or rejected.
 
     Attributes:
         text: The question.
         choices: Allowed answers; empty for any text.
-        answered: The answer, or None.
-        rejected: Reason that no answer is possible; empty if an answer is possible.
+        answered: The answer; None if the question was not answered yet.
+        rejected: Reason why no answer is possible; empty if an answer is possible.
     """
 
     def __init__(self, text: str, choices: tuple[str, ...], wake: Callable[[], None]) -> None:
@@ -30,13 +30,14 @@ class Question:
         return f"{self.text} [{'/'.join(self.choices)}]" if self.choices else self.text
 
     def answer(self, words: str) -> bool:
-        """Answer the question. The first valid answer counts.
+        """Answer the question. Only the first valid answer counts.
 
         Args:
-            words: The answer. Case does not count. An unambiguous prefix of a choice is accepted.
+            words: The answer. Upper and lower case are equal. If only one choice begins with the
+                answer, this choice is the answer.
 
         Returns:
-            True if the answer is valid.
+            True if the answer is valid, also if the question was already answered.
         """
         choice = self._choice(words.strip())
         with self._lock:
@@ -47,12 +48,19 @@ class Question:
         return bool(choice)
 
     def reject(self, reason: str) -> None:
-        """Report that no answer is possible."""
+        """Report that no answer to the question is possible.
+
+        Args:
+            reason: Reason for people, such as `there is no operator here`.
+        """
         self.rejected = reason
         self._wake()
 
     def _choice(self, words: str) -> str:
-        """Return the choice that the words abbreviate, or "" if there is no such choice."""
+        """Return the choice that an answer names or abbreviates; "" if there is no such choice.
+
+        Without choices, returns the answer itself.
+        """
         if not self.choices or not words:
             return words
         lower = words.lower()
@@ -63,17 +71,20 @@ class Question:
 
 
 class Operator(Protocol):
-    """Passes questions to a person, through a terminal or a server. No method blocks."""
+    """Interface that shows questions to a person, in a terminal or on a server's page.
+
+    No method blocks.
+    """
 
     def ask(self, question: Question) -> None:
-        """Show a question."""
+        """Show a question to the operator."""
 
     def withdraw(self, question: Question) -> None:
-        """Remove a question, also if it was answered."""
+        """Remove a question from the operator's view, answered or not."""
 
 
 class NoOperator:
-    """Rejects every question."""
+    """Replaces the operator if nobody can answer. It rejects every question."""
 
     def ask(self, question: Question) -> None:
         """Reject the question."""

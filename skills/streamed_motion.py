@@ -1,4 +1,4 @@
-"""The base class of skills that move the arm: it checks frames, streams them, and pauses."""
+"""The base class of skills that move the arm. It checks frames, streams them, and can pause."""
 
 import math
 from dataclasses import replace
@@ -18,7 +18,10 @@ from .planning_skill import PlannerJob
 
 
 class StreamedMotion(Skill, register=False):
-    """Checks the frames of a motion, then streams them. A subclass implements `compile_motion`."""
+    """A skill that checks the frames of a motion for collisions, and then streams them.
+
+    A subclass implements `compile_motion`.
+    """
 
     moves = True
 
@@ -31,13 +34,13 @@ class StreamedMotion(Skill, register=False):
     _frames_before = 0  # frames of this motion that were sent before the last pause
     _progress_before: float | None = None  # progress at the last pause
     _paused = False
-    _remaining: list[Plan | PlannerJob] | None = None  # plans of the rest of a paused motion
+    _remaining: list[Plan | PlannerJob] | None = None  # plans for the rest of a paused motion
     _holds = False  # True if the gripper closed on an object before the last pause
-    _resumed = 0.0  # time within the motion at which it resumes [s]
+    _resumed = 0.0  # time in the motion from which it is resumed [s]
 
     @property
     def busy(self) -> bool:
-        """True while a planner works for it or the motion continues."""
+        """True while a planner works for this skill or the arm moves."""
         jobs = [self._job, *(self._remaining or [])]
         return self._playing or any(isinstance(j, PlannerJob) and not j.done for j in jobs)
 
@@ -51,14 +54,17 @@ class StreamedMotion(Skill, register=False):
 
     @property
     def time_left(self) -> float:
-        """Time until the board has executed the last frame [s]; 0 before the motion starts."""
+        """Planned time from the last received frame to the end of the motion [s].
+
+        It is 0 before the motion starts.
+        """
         if self._playback is None:
             return 0.0
         schedule, arrived = self._playback.schedule, self._playback.arrived
         return schedule.duration - (schedule.setpoints[arrived - 1].time if arrived else 0.0)
 
     def on_start(self) -> Status:
-        """Compile the plans into frames, and request a check of the frames."""
+        """Compile the motion into frames, and request a check of the frames."""
         arm = self.context.arm
         self._playback, self._remaining, self._paused, self._holds = None, None, False, False
         self._frames_before, self._progress_before = 0, None
@@ -66,7 +72,7 @@ class StreamedMotion(Skill, register=False):
         return self._check(schedule, motion, None)
 
     def on_running(self) -> Status:
-        """Start the motion when the check has passed, then monitor it to its end."""
+        """Start the motion when the check of its frames has passed, and monitor it to its end."""
         if self._paused:
             return self._resume()
         if self._remaining is not None:
@@ -83,28 +89,31 @@ class StreamedMotion(Skill, register=False):
         return self._follow(self._playback)
 
     def compile_motion(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
-        """Return the frames to play from a start position [rad], and the motion of the frames.
+        """Return the schedule of frames to execute, and the motion that was compiled.
 
-        The motion is None if unknown.
+        The motion is None if the frames were not planned.
+
+        Args:
+            start: Position of every actuated joint before the first frame [rad].
         """
         raise NotImplementedError
 
     def merge(
         self, start: tuple[float, ...], plans: list[Plan], together: bool
     ) -> tuple[Schedule, MergedMotion]:
-        """Return the frames of plans from a start position [rad], and the motion.
+        """Return the schedule of frames for several plans, and the motion that was compiled.
 
         Args:
-            start: Position of every actuated joint [rad].
+            start: Position of every actuated joint before the first frame [rad].
             plans: Plans of the groups.
-            together: True if the groups move together, false if one after the other.
+            together: True if the groups move at the same time, False if one after the other.
 
         Raises:
-            StartMoved: The plans begin at another position.
+            StartMoved: The plans do not begin at the start position.
         """
         merged = MergedMotion(self.context.robot, start, plans, together)
         if not merged.begins_at(start):
-            raise StartMoved("the arm was moved after it was planned; plan again")
+            raise StartMoved("the arm was moved after its motion was planned; plan again")
         return merged.compile(), merged
 
     def _check(
@@ -127,7 +136,7 @@ class StreamedMotion(Skill, register=False):
             self.context.arm.stop()
 
     def _resume(self) -> Status:
-        """Send a request to time the rest of the motion from the position of the paused arm."""
+        """Request that the rest of the motion is timed, from the position of the paused arm."""
         playback = self._playback
         assert playback
         if playback.playing:  # the arm still decelerates
@@ -157,7 +166,7 @@ class StreamedMotion(Skill, register=False):
         return self._play_remaining(self._remaining)
 
     def _play_remaining(self, remaining: list[Plan | PlannerJob]) -> Status:
-        """Compile the rest of the motion into frames when all its plans are timed."""
+        """Compile the rest of the motion into frames, when all plans of this rest are timed."""
         assert self._motion
         plans = [part.answer if isinstance(part, PlannerJob) else part for part in remaining]
         if any(isinstance(part, PlannerJob) and not part.done for part in remaining):
@@ -179,7 +188,7 @@ class StreamedMotion(Skill, register=False):
             return Status.RUNNING
         if playback.error:
             raise playback.error
-        # A stop of a motion that has gripped only holds the object.
+        # If the gripper has closed on an object, the stop only holds the object.
         if playback.state is PlaybackState.STOPPED and not playback.gripped:
             raise Interrupted(f"the motion was stopped after {self.feedback_message}")
         if playback.gripped or self._holds:
@@ -187,7 +196,7 @@ class StreamedMotion(Skill, register=False):
         return Status.SUCCESS
 
     def on_halt(self) -> None:
-        """Stop the arm, and cancel planners that still work."""
+        """Stop the arm, and cancel pending requests to planners."""
         for job in (self._job, *(self._remaining or ())):
             if isinstance(job, PlannerJob):
                 job.cancel()
@@ -202,19 +211,19 @@ class StreamedMotion(Skill, register=False):
 def begun_at(
     robot: Robot, schedule: Schedule, before: tuple[float, ...], start: tuple[float, ...]
 ) -> Schedule:
-    """Return a schedule from another start, because a gripper holds an object there.
+    """Return a schedule for an arm whose gripper holds an object, so that its start differs.
 
-    A gripper stays at its start until its command changes. Then it moves towards its command, at
-    most at its velocity.
+    The gripper stays at its actual position until its command in the schedule changes. It then
+    moves towards its command, at most with its velocity limit.
 
     Args:
-        robot: The robot.
-        schedule: The frames.
-        before: Positions before the first frame, one per actuated joint [rad].
-        start: Positions of the arm.
+        robot: Description of the robot.
+        schedule: The original frames.
+        before: Positions from which the original frames start, one per actuated joint [rad].
+        start: Actual positions of the arm, one per actuated joint [rad].
 
     Raises:
-        StartMoved: A joint that is not of the gripper has another start.
+        StartMoved: A joint that is not of the gripper is not at its position in `before`.
     """
     elsewhere = moved_gripper(robot, before, start)
     if not elsewhere:
@@ -235,9 +244,9 @@ def begun_at(
 
 
 def _time_at(playback: Playback, motion: MergedMotion, position: tuple[float, ...]) -> float:
-    """Return the time [s] at which a motion has the position of a stopped arm [rad].
+    """Return the time in a motion at which it reaches the position of the stopped arm [s].
 
-    A loosened gripper has left that position.
+    If the gripper was loosened, its position is taken from the last frame.
     """
     if not playback.written:
         return 0.0
@@ -249,17 +258,26 @@ def _time_at(playback: Playback, motion: MergedMotion, position: tuple[float, ..
 
 
 def _stopped_at(playback: Playback, start: tuple[float, ...], position: tuple[float, ...]) -> bool:
-    """Return True if the arm is at the position [rad] at which a playback stopped."""
+    """Return True if the arm is still at the position at which a playback stopped.
+
+    Args:
+        playback: The stopped playback.
+        start: Positions before the first frame, one per actuated joint [rad].
+        position: Current positions, one per actuated joint [rad].
+    """
     schedule, written = playback.schedule, playback.written
     last = schedule.setpoints[written - 1].positions if written else start
     return position == last or (written == len(schedule.setpoints) and position == schedule.end)
 
 
 def _remaining_frames(playback: Playback, ramp: float) -> Schedule:
-    """Return the frames that were not sent, for a schedule without a known motion.
+    """Return a schedule of the frames that were not sent, for frames that were not planned.
 
-    They start from standstill. The rate of playback grows linearly to the scheduled rate within
-    `ramp` [s].
+    The new schedule starts from standstill. Its rate grows linearly to the original rate.
+
+    Args:
+        playback: The stopped playback.
+        ramp: Time until the original rate is reached [s].
     """
     schedule, written = playback.schedule, playback.written
     if not written:

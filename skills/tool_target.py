@@ -1,4 +1,4 @@
-"""A target of the tool: its ports, their checks, and the query for joint positions."""
+"""Ports for a target of the tool, the checks of their values, and the query to the planner."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -52,11 +52,11 @@ TOOL_PORTS: dict[str, PortInformation] = {
 
 
 def tool_target_errors(robot: Robot, inputs: Mapping[str, Any]) -> list[SkillError]:
-    """Return the errors of the values of some of the ports, each with its location.
+    """Return the errors of known values of the ports. Each error has the location of its value.
 
     Args:
         robot: Description of the robot.
-        inputs: Values by port. Ports may be missing.
+        inputs: Known values, by port. Ports may be missing.
     """
     errors = missing_joint_errors(robot, "start", inputs["start"]) if "start" in inputs else []
     if "group" in inputs:
@@ -71,13 +71,15 @@ def tool_target_errors(robot: Robot, inputs: Mapping[str, Any]) -> list[SkillErr
         errors += _turn_errors(robot, turn, inputs)
     for port in ("direction", "axis"):
         if inputs.get(port) and not any(inputs[port]):
-            why = f"{port} points nowhere; one of x, y, z must not be 0"
+            why = f"{port} is 0, 0, 0; at least one of x, y, z must not be 0"
             errors.append(BadTarget(why).at(port))
     return errors
 
 
 def query_tool_target(robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery:
-    """Return the query for joint positions that reach the target, in an empty world.
+    """Return the query for joint positions that bring the tool to its target.
+
+    The world of the query is empty.
 
     Args:
         robot: Description of the robot.
@@ -103,7 +105,13 @@ def query_tool_target(robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery:
 def _turn_errors(
     robot: Robot, turn: Sequence[float], inputs: Mapping[str, Any]
 ) -> list[SkillError]:
-    """Return an error with its location if a tool cannot be turned like this by any pose."""
+    """Return a list with one error if the input `turn` is invalid in every pose, else an empty one.
+
+    Args:
+        robot: Description of the robot.
+        turn: Roll, pitch and yaw [rad].
+        inputs: Known values of all ports, by port.
+    """
     group = inputs.get("group", "arm")
     if inputs.get("direction"):
         why = "turn and direction exclude each other; give one of them"
@@ -119,7 +127,7 @@ def _turn_errors(
 
 
 def group_errors(robot: Robot, group: str) -> list[SkillError]:
-    """Return an error with its location if the robot does not have a group."""
+    """Return a list with one error if the robot does not have this group, else an empty list."""
     if group in robot.groups:
         return []
     there = f"the robot has no group {group}; it has {', '.join(robot.groups)}"

@@ -1,4 +1,4 @@
-"""Loads users' skills: Python files in a folder (`--skills`), and installed packages."""
+"""Loads users' skills from Python files in a folder (`--skills`), and from installed packages."""
 
 import importlib.util
 import signal
@@ -18,18 +18,20 @@ from hardware.installed import EntryPoint, entry_points
 GROUP = "armtree.skills"
 _MAX_BYTES = 2**20  # largest size of a file [bytes]
 
-_loaded: dict[str, str] = {}  # error of every loaded plugin; empty if it has none
+_loaded: dict[str, str] = {}  # error of each plugin by module; empty if the plugin has no error
 
 
 def load_skills(folder: Path | None, reserved: Collection[str]) -> list[str]:
-    """Load users' skills, each once per process. A broken plugin does not affect the others.
+    """Load users' skills. Each plugin (file or package) is loaded once per process.
+
+    A broken plugin does not affect the others.
 
     Args:
-        folder: Folder of Python files; None for only installed packages.
+        folder: Folder of Python files; None to load only installed packages.
         reserved: Names that no skill may have, because the grammar of task files uses them.
 
     Returns:
-        The errors of broken plugins, as messages.
+        A message for each broken plugin; empty if there is none.
     """
     wrong = [_load_package(entry, reserved) for entry in entry_points(GROUP).values()]
     if folder is not None:
@@ -63,14 +65,14 @@ def _load_file(path: Path, reserved: Collection[str]) -> str:
         assert spec
         assert spec.loader
         made = importlib.util.module_from_spec(spec)
-        sys.modules[module] = made  # like import, so that annotations can be resolved
+        sys.modules[module] = made  # as `import` does, so that annotations can be resolved
         loader = spec.loader
         _loaded[module] = _guarded(str(path), reserved, lambda: loader.exec_module(made))
     return _loaded[module]
 
 
 def _guarded(source: str, reserved: Collection[str], load: Callable[[], object]) -> str:
-    """Load a plugin. Return its error; empty if there is none."""
+    """Load a plugin. Return its error as a message; empty if there is no error."""
     before, pressed = get_ports_registry(), list[int]()
     try:
         # Output of a plugin must not mix with the standard output of a command.
@@ -85,19 +87,19 @@ def _guarded(source: str, reserved: Collection[str], load: Callable[[], object])
     after = get_ports_registry()
     taken = [name for name, kind in after.items() if before.get(name, kind) is not kind]
     if wrong := [name for name in after if name not in before and name in reserved]:
-        return f"{source}: {', '.join(wrong)}: the grammar already has that name; rename it"
+        return f"{source}: {', '.join(wrong)}: a word of the grammar; rename the skill"
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         for name in taken:
             register_ports_class(name, before[name])
     if taken:
-        return f"{source}: {', '.join(taken)}: another skill already has that name; rename it"
+        return f"{source}: {', '.join(taken)}: another skill already has this name; rename it"
     return ""
 
 
 @contextmanager
 def _ctrl_c(pressed: list[int]) -> Iterator[None]:
-    """Record a Ctrl-C. This distinguishes it from a KeyboardInterrupt of a plugin."""
+    """Context that notes a Ctrl-C in a list. A KeyboardInterrupt of a plugin is not noted."""
 
     def press(number: int, frame: object) -> NoReturn:
         pressed.append(number)
@@ -115,7 +117,7 @@ def _ctrl_c(pressed: list[int]) -> Iterator[None]:
 
 
 def _line(error: BaseException, source: str) -> str:
-    """Return the line of an error in a file as `:line`; empty if unknown."""
+    """Return the line number of an error in a file, such as `:12`; empty if unknown."""
     if isinstance(error, SyntaxError) and error.lineno:
         return f":{error.lineno}"
     trace, line = error.__traceback__, 0

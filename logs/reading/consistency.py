@@ -1,8 +1,9 @@
 """Checks that all messages of a record agree with each other.
 
-A record is written as several messages. Verification uses one of them; most tools use the others,
-such as transforms, trajectories and the text of a frame. This check converts each record again and
-compares all its messages. It also finds changes in files without digests, or with forged digests.
+A record is written as several messages. Verification uses only one of these messages. Most tools
+use the others, such as transforms, trajectories and the text of a frame. This module converts each
+record to messages again, and compares these with the messages in the file. It also finds changes in
+files without digests, or with forged digests.
 """
 
 import struct
@@ -34,27 +35,27 @@ from .reader import Message
 from .recording import Recording
 
 _ROWS = {topic.name: (topic.record, row) for row, topic in enumerate(TOPICS)}
-_UNCHECKED = "/diagnostics"  # words and thresholds of this topic may differ between versions
+_UNCHECKED = "/diagnostics"  # messages and thresholds of this topic may differ between versions
 _URDF = "/robot_description"
 _PLAN, _PLANS = "/plan/", [row for row, topic in enumerate(TOPICS) if topic.record is Plan]
 
-# Topics that repeat a part of another message of their record.
+# Topics whose messages only repeat a part of another message of the same record.
 _DERIVED = ("/feedback", "/plan/{record.group}/trajectory", "/tf")
 
 # Records without a time of their own in the file.
 _UNDATED = (Description, Received, Measured, LeaderState, LogLine, Transition)
 
-# Largest difference between the sines that two processors compute.
+# Largest difference of a float from its recorded value: processors compute sines differently.
 _TOLERANCE = 1e-12
 
 
 def inconsistency(recording: Recording) -> tuple[str, str]:
-    """Return the first message that differs from its record: its topic, and the difference.
+    """Return the topic of the first record whose messages disagree, and the difference in words.
 
-    A message that cannot be decoded also differs.
+    A message that cannot be decoded counts as a difference.
 
     Returns:
-        Two empty strings if all messages agree.
+        The topic and the difference; two empty strings if all messages agree.
     """
     checker = _Checker(recording)
     for group in _groups(recording):
@@ -86,7 +87,7 @@ def _groups(recording: Recording) -> Iterator[list[Message]]:
 
 
 def _place(name: str) -> tuple[type, int] | None:
-    """Return the record type of a topic, and its row in the table; None for an unchecked topic."""
+    """Return a topic's record type, and its row in `TOPICS`; None if the topic is not checked."""
     if name.startswith(_PLAN):
         return Plan, _PLANS[name.count("/") > 2]
     return None if name == _UNCHECKED else _ROWS.get(name)
@@ -114,7 +115,7 @@ class _Checker:
         converted = dict(self._converted(record, first.time_ns)) if record else {}
         topics = [message.topic for message in group if message.time_ns == first.time_ns]
         if topics != list(converted):
-            return f"{self._number(first)} has messages on {topics}, not on {list(converted)}"
+            return f"{self._number(first)}: the record is on {topics}, not on {list(converted)}"
         for message in group:
             type_, expected = converted[message.topic]
             same = message.cdr == encode(type_, expected)
@@ -130,13 +131,13 @@ class _Checker:
             return ""
         stamp = (time_ns - self._recording.epoch_ns) / 1e9
         kind = type(record).__name__
-        return f"a {kind} is recorded at {record.time} s in a message of {stamp} s"
+        return f"the time of a {kind} is {record.time} s, but the time of its message is {stamp} s"
 
     def _number(self, message: Message) -> str:
         return f"message {self._counts[message.topic] + 1} on {message.topic}"
 
     def _record(self, group: list[Message]) -> Record | None:
-        """Return the record of messages; None if there are only derived messages."""
+        """Return the record that the messages contain; None if all messages are of `_DERIVED`."""
         messages = [message for message in group if not _derived(message.topic)]
         if messages and messages[0].topic == _URDF:
             return self._description(messages[0].data.data)
@@ -150,7 +151,7 @@ class _Checker:
         return Description(0.0, urdf)
 
     def _converted(self, record: Record, time_ns: int) -> Iterator[tuple[str, tuple[str, Values]]]:
-        """Yield topics, types and messages; skip topics that the file's writer did not know."""
+        """Yield the topic, type and content of each message. Skip topics that the file lacks."""
         for topic in topics_of(type(record)):
             name = topic.name_for(record)
             stamp = Stamp(time_ns, self._counts[name], self._kinematics)
@@ -160,7 +161,16 @@ class _Checker:
 
 
 def _difference(place: str, found: Any, expected: Any) -> str:
-    """Return the first part of a message that differs, with its place; empty if all are equal."""
+    """Return the first difference of a message from the expected one, in words.
+
+    Args:
+        place: Path of the field in the message, such as `.pose.x`; empty for the whole message.
+        found: The value in the file.
+        expected: The value that the record converts to.
+
+    Returns:
+        The path of the field and both values; empty if the message is as expected.
+    """
     parts: Iterable[tuple[str, Any, Any]]
     if found is not None and isinstance(expected, Values):
         parts = (

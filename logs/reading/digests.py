@@ -1,8 +1,8 @@
-"""Digests of a recording: one for every topic, attachment and note.
+"""Digests (short hashes) of a recording: one for every topic, attachment and note.
 
-Compaction writes them as a note. They show that the *content* of a finished recording has not
-changed, even if another program rewrote the file with valid checksums. They name a part that
-changed. They are not a signature: a person who changes a part can also change its digest.
+Compaction writes the digests as a note. They show whether the *content* of a finished recording has
+changed, even if another program rewrote the file with valid checksums. Each digest names the part
+that it covers. A digest is not a signature: a person who changes a part can also change its digest.
 """
 
 from collections.abc import Iterable, Iterator
@@ -24,11 +24,11 @@ _TIMES = Struct("<QQQQ")
 
 
 class Digests:
-    """Digests of the MCAP records that pass through it.
+    """Computes digests of the MCAP records that pass through `watch`.
 
     Attributes:
-        noted: The digests in the file itself, by name; empty if there are none.
-        journal: True if the file is a journal. A journal has no digests yet.
+        noted: Digests that the file contains, by name; empty if it contains none.
+        journal: True if the file is an unfinished recording (journal), which has no digests yet.
     """
 
     def __init__(self) -> None:
@@ -39,13 +39,16 @@ class Digests:
         self._channels: dict[int, tuple[str, bytes]] = {}
 
     def watch(self, records: Iterable[Any]) -> Iterator[Any]:
-        """Yield the records unchanged. Compute digests of all except indexes and statistics."""
+        """Yield the records unchanged, and add them to the digests.
+
+        Indexes and statistics belong to no digest.
+        """
         for record in records:
             self._add_record(record)
             yield record
 
     def made(self) -> dict[str, str]:
-        """Return the digests by name. A name is a topic, `file NAME` or `note NAME`."""
+        """Return the computed digests by name. A name is a topic, `file NAME` or `note NAME`."""
         return {name: digest.hexdigest() for name, digest in self._digests.items()}
 
     def _add_record(self, record: Any) -> None:
@@ -80,8 +83,8 @@ def changed_part(path: Path) -> str:
     """Return the first topic, attachment or note that changed after the recording was finished.
 
     Returns:
-        Its name; the name of the digests if they are missing; empty if nothing changed, or if the
-        file is a journal.
+        The name of the part as in `Digests.made`; `note digests` if the file lacks its digests;
+        empty if nothing changed, or if the file is a journal.
 
     Raises:
         RecordingError: The file cannot be read.
@@ -90,7 +93,7 @@ def changed_part(path: Path) -> str:
     for _ in digests.watch(TolerantReader(path)):
         pass
     made, noted = digests.made(), digests.noted
-    if not noted:  # nothing else in the file may excuse this: a person can remove that too
+    if not noted:  # a person who changed the file may have removed its digests
         return "" if digests.journal else f"note {DIGESTS}"
     return next((name for name in chain(noted, made) if made.get(name) != noted.get(name)), "")
 

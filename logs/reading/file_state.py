@@ -13,7 +13,7 @@ from logs.records.file_format import MAGIC, is_journal
 from .recording import Recording
 from .tolerant_reader import TolerantReader
 
-_HEAD = 64  # number of first bytes, with the profile and the name of the library
+_HEAD = 64  # number of first bytes, which contain the name of the library that wrote the file
 _LIBRARY = b"armtree"  # beginning of the library's name in files of armtree
 _NAME = "*T*Z-*.mcap"  # names from `recording_path`
 _FOOTER_OPCODE, _FOOTER_CONTENT = 0x02, 20
@@ -22,7 +22,7 @@ _FOOTER = struct.Struct(f"<BQ{_FOOTER_CONTENT}s8s")  # followed by the magic
 
 @contextmanager
 def locked(recording: Path, shared: bool = False) -> Iterator[None]:
-    """Hold the lock that the writer of a recording holds.
+    """Context that holds the lock of a recording. The writer of a recording holds the same lock.
 
     Args:
         recording: The file.
@@ -60,7 +60,9 @@ def being_written(path: Path) -> bool:
 
 
 def is_ours(path: Path) -> bool:
-    """Return True if armtree created a file. Checks its head or, if it is empty, its name.
+    """Return True if armtree created a file.
+
+    Checks the first bytes of the file. If the file is empty, checks its name.
 
     Raises:
         OSError: The file cannot be read.
@@ -77,7 +79,8 @@ def is_complete(path: Path, every_byte: bool) -> bool:
 
     Args:
         path: The file.
-        every_byte: True to check the whole file for damage; False to check only its ends.
+        every_byte: True to check the whole file for damage; False to check only its beginning and
+            its end.
 
     Raises:
         RecordingError: The file does not exist, or is not an MCAP file.

@@ -1,4 +1,4 @@
-"""Recordings by name: `latest`, `latest:TASK`, or the beginning of a file's name."""
+"""Finds recordings by name: `latest`, `latest:TASK`, or the beginning of a file's name."""
 
 import re
 from collections.abc import Sequence
@@ -19,11 +19,11 @@ _RUN = re.compile(r"(\d{8}T\d{6}\.\d{3}Z)-(\d+|move)\.mcap")  # names from `reco
 def runs(folder: Path) -> list[tuple[str, int, Path]]:
     """Return the recordings of goals in a folder, newest first.
 
-    Recordings of a server and renamed recordings are left out.
+    The list does not contain a server's own recordings, and no renamed recordings.
 
     Returns:
-        Its start time as in its name, such as `20261121T103155.123Z`; the number of its task, or
-        `MOVE`; and its path.
+        For each recording: its start time as in its name, such as `20261121T103155.123Z`; the
+        number of its task, or `MOVE`; and its path.
     """
     paths = folder.iterdir() if folder.is_dir() else ()
     found = ((_RUN.fullmatch(path.name), path) for path in paths)
@@ -36,9 +36,9 @@ def _task(text: str) -> int:
 
 
 def by_name(name: str) -> tuple[int, int] | None:
-    """Read the name of a recording: its start, UTC [ns since 1970], and its task or `MOVE`.
+    """Return the start time of a recording, and its task number or `MOVE`, from its file name.
 
-    Returns None if armtree did not make the name.
+    The time is UTC [ns since 1970]. Returns None if the name does not have armtree's form.
     """
     found = _RUN.fullmatch(name)
     if not found:
@@ -53,7 +53,7 @@ def by_name(name: str) -> tuple[int, int] | None:
 
 
 def is_recording_name(text: str) -> bool:
-    """Return True if a text names a recording, not a task."""
+    """Return True if a text on the command line names a recording, and False for a task."""
     begins = text[:1].isdecimal() and not text.isdecimal()
     named = text.partition(":")[0] == LATEST or Path(text).suffix == ".mcap"
     return begins or named or "/" in text or Path(text).is_file()
@@ -64,12 +64,12 @@ def find_recording(given: str, folder: Path) -> Path:
 
     Args:
         given: A path; `latest`; `latest:TASK` with the number or name of a task; `latest:move`; or
-            the beginning of only one recording's name. A folder may precede these, as in
-            `runs/latest`.
-        folder: Folder of recordings, if the text names no folder.
+            the beginning of a file's name that only one recording has. The text may start with a
+            folder, as in `runs/latest`.
+        folder: Folder of recordings. It is used if the text contains no folder.
 
     Returns:
-        Its path. A path that ends in `.mcap` need not exist.
+        The path of the recording. A given path that ends in `.mcap` may be missing on the disk.
 
     Raises:
         NoSuchRecording: No recording has this name, or several names begin with it.
@@ -99,7 +99,7 @@ def find_recording(given: str, folder: Path) -> Path:
 
 
 def _newest(names: Sequence[str]) -> str:
-    """Return the names of the newest recordings. A renamed one counts as old."""
+    """Return the names of the newest recordings. A renamed recording counts as old."""
     by_time = sorted(names, key=lambda name: (name[:1].isdecimal(), name), reverse=True)
     shown, more = by_time[:_SHOWN], len(names) - _SHOWN
     return ", ".join(shown) + (f" and {more} more" if more > 0 else "")
@@ -121,7 +121,10 @@ def _latest(folder: Path, task: str) -> Path:
 
 
 def _is_task(task: str, number: int, path: Path) -> bool:
-    """Return True if a run was of the task with this number or name; False if unreadable."""
+    """Return True if a recorded goal is the task with this number or name.
+
+    Returns False if the name is needed and the file is unreadable.
+    """
     if task.isdecimal() or number == MOVE:
         return task == str(number)
     return _name(path) == task

@@ -1,4 +1,4 @@
-"""Random access to a finished recording by its index, so that long recordings open quickly."""
+"""Random access to a finished recording through its index, so that long recordings open quickly."""
 
 import os
 from collections.abc import Collection, Iterator, Mapping
@@ -51,13 +51,13 @@ class Chunk:
 class IndexedRecording(Recording):
     """A finished recording. Its messages are read chunk by chunk, in any order.
 
-    The index locates `files` and `notes`. Only the parts that are read are checked for damage.
+    The index has the places of `files` and `notes`. A part is checked for damage when it is read.
 
     Args:
         path: The file.
 
     Attributes:
-        chunks: Its chunks in file order, which is the order of time.
+        chunks: All chunks of the file, in file order. This is also the order of time.
         begin_ns, end_ns: Times of the first and of the last message, UTC since 1970 [ns].
         types: Type of each topic with messages.
     """
@@ -69,7 +69,7 @@ class IndexedRecording(Recording):
             RecordingInUse: The recording is being written.
             RecordingError: The file does not exist, is not a recording of armtree, or has no index.
         """
-        if being_written(Path(path)):  # it may have no message yet
+        if being_written(Path(path)):  # the file may have no message yet
             raise RecordingInUse(Path(path))
         super().__init__(path)
         self._summary = summary = self._read_summary()
@@ -109,8 +109,8 @@ class IndexedRecording(Recording):
 
         Args:
             chunk: The chunk.
-            decoder: Decoder that limits the unpacked size of all its chunks. Default: a new one for
-                this chunk.
+            decoder: Decoder, which limits the total unpacked size of the chunks that it decodes.
+                Default: a new decoder for this chunk.
 
         Raises:
             RecordingError: The chunk is damaged.
@@ -127,11 +127,11 @@ class IndexedRecording(Recording):
         return list(filter(topic_filter(kinds), self.types))
 
     def record_at(self, index: Literal[0, -1], kind: type[T]) -> T | None:
-        """Return the first record of a type (0) or the last one (-1), or None.
+        """Return the first or the last record of a type, or None if there is none.
 
         Args:
-            index: 0 or -1.
-            kind: Type of record that is one message, such as `Goal`.
+            index: 0 for the first record, -1 for the last record.
+            kind: Type of the record, such as `Goal`. Only types that are written as one message.
 
         Raises:
             RecordingError: A chunk is damaged, or the record cannot be decoded.
@@ -153,12 +153,12 @@ class IndexedRecording(Recording):
         return sum(counts.get(number, 0) for number, c in channels.items() if c.topic == topic)
 
     def with_topic(self, topics: Collection[str]) -> tuple[Chunk, ...]:
-        """Return the chunks with a message on one of these topics."""
+        """Return the chunks that contain a message on at least one of these topics."""
         return tuple(each for each in self.chunks if not each.indexes.keys().isdisjoint(topics))
 
     @contextmanager
     def decoding(self) -> Iterator[None]:
-        """Context that converts errors of damaged bytes to errors of the file.
+        """Context that converts exceptions caused by damaged bytes to RecordingError.
 
         Raises:
             RecordingError: The bytes are damaged, or the file cannot be read.
@@ -197,11 +197,11 @@ class OpenChunk:
     """An unpacked chunk.
 
     Args:
-        recording: Its recording.
-        tables: Index of each topic, as in the file.
-        decoder: Decodes its records.
-        data: Its records.
-        place: Offset of its end in the file [bytes].
+        recording: The recording that contains the chunk.
+        tables: Bytes of the index of each topic, by topic.
+        decoder: Decoder for the messages of the chunk.
+        data: Unpacked bytes of the chunk: its records.
+        place: Offset of the end of the chunk in the file [bytes].
     """
 
     def __init__(
@@ -217,11 +217,11 @@ class OpenChunk:
 
     @property
     def size(self) -> int:
-        """Unpacked size of its records [bytes]."""
+        """Size of the unpacked chunk [bytes]."""
         return len(self._data)
 
     def entries(self, topic: str) -> list[Entry]:
-        """Return the messages on a topic, in file order."""
+        """Return the index entries of the messages on a topic, in file order."""
         table = self._tables.get(topic, b"")
         return list(_INDEX_ENTRY.iter_unpack(table))
 
@@ -230,12 +230,12 @@ class OpenChunk:
         return len(self._tables.get(topic, b"")) // _INDEX_ENTRY.size
 
     def newest(self, topic: str) -> Entry | None:
-        """Return the last message on a topic, or None."""
+        """Return the index entry of the last message on a topic; None if there is no message."""
         table = self._tables.get(topic)
         return _INDEX_ENTRY.unpack(table[-_INDEX_ENTRY.size :]) if table else None
 
     def message(self, topic: str, entry: Entry) -> Message:
-        """Return a message.
+        """Return the message on a topic that an index entry locates.
 
         Raises:
             RecordingError: The chunk is damaged.
@@ -244,7 +244,7 @@ class OpenChunk:
             return self._message(topic, entry)
 
     def messages(self, topics: Collection[str]) -> list[Message]:
-        """Return the messages on some topics, in file order.
+        """Return the messages on the given topics, in file order.
 
         Raises:
             RecordingError: The chunk is damaged.
@@ -266,7 +266,7 @@ class OpenChunk:
 
 
 def _table(stream: BinaryIO, at: int) -> bytes:
-    """Return the index of a topic of a chunk, at an offset in the file."""
+    """Return the entries of a message index as bytes. The index is at offset `at` in the file."""
     body = _record(stream, at, _MESSAGE_INDEX)
     _, size = _INDEX_HEAD.unpack_from(body)
     table = body[_INDEX_HEAD.size :]
@@ -276,12 +276,12 @@ def _table(stream: BinaryIO, at: int) -> bytes:
 
 
 def _check_summary(stream: BinaryIO) -> None:
-    """Check the lengths and the checksum of a summary.
+    """Check the lengths and the checksum of a summary, the last part of an MCAP file.
 
-    mcap reads any length, reads on in a hole, and skips the checksum.
+    The mcap library accepts any length, does not stop at zero bytes, and ignores the checksum.
 
     Args:
-        stream: The file; positioned at its beginning afterwards.
+        stream: The file. The function returns with the stream at the beginning of the file.
 
     Raises:
         BadRecord: A length, an opcode or the checksum is invalid. The function may also raise the
@@ -304,7 +304,7 @@ def _check_summary(stream: BinaryIO) -> None:
 
 
 def _record(stream: BinaryIO, at: int, expected: int) -> bytes:
-    """Return the body of the record at an offset in a file."""
+    """Return the body of the record at offset `at` in a file. Its opcode must be `expected`."""
     stream.seek(at)
     opcode, length = HEAD.unpack(stream.read(HEAD.size))
     if opcode != expected or length > min(MAX_RECORD, os.fstat(stream.fileno()).st_size):

@@ -23,12 +23,12 @@ _CRC_BYTES = 4
 # the longest motion, 10 minutes, has about 10 MB.
 _CHUNK_LIMIT = 32 << 20
 
-# Largest unpacked size of all chunks so far: a constant, plus a number of bytes per byte of the
-# file so far. A log line of 10 kB that is repeated all day compresses to a thousandth.
+# Largest total size of the chunks that were unpacked so far: a constant, plus a number of bytes per
+# byte of the file up to that place. A repeated log line of 10 kB compresses to a thousandth.
 _UNPACKED_LIMIT, _UNPACKED_PER_BYTE = 16 << 20, 1000
 
-# Largest number of records in all chunks so far: this number, plus one per byte of the file so far.
-# Even records that differ only in time and number take several bytes each.
+# Largest number of records in the chunks that were unpacked so far: this constant, plus one per
+# byte of the file. Even records that differ only in time and number take several bytes each.
 _RECORDS_LIMIT = 10_000
 
 _SCHEMA, _CHANNEL, _MESSAGE, _CHUNK, _ATTACHMENT = 0x03, 0x04, 0x05, 0x06, 0x09
@@ -44,7 +44,7 @@ def damage(*more: type[Exception]) -> tuple[type[Exception], ...]:
     from mcap.exceptions import McapError
     from zstandard import ZstdError
 
-    # Exceptions of lz4, and of an unknown compression.
+    # lz4 and an unknown compression raise the last three.
     unpacking = (ZstdError, RuntimeError, MemoryError, KeyError)
     return BadRecord, McapError, error, ValueError, ArithmeticError, *unpacking, *more
 
@@ -70,12 +70,14 @@ class Decoder:
         self._unpacked = self._records = 0
 
     def records(self, opcode: int, body: bytes, place: int) -> Iterator[Any]:
-        """Yield the record, or all records of a chunk; nothing for indexes and private records.
+        """Yield the decoded record. For a chunk, yield the records in the chunk.
+
+        Yields nothing for indexes, and for opcodes that MCAP reserves for applications.
 
         Args:
-            opcode: Its opcode.
-            body: Its bytes after opcode and length.
-            place: Offset of its end in the file [bytes].
+            opcode: Opcode of the record.
+            body: Bytes of the record after its opcode and length.
+            place: Offset of the end of the record in the file [bytes].
 
         Raises:
             BadRecord: The record is invalid, or its unpacked size is too large. The method may also
@@ -101,10 +103,15 @@ class Decoder:
         return _unpacked(chunk)
 
     def message_at(self, data: bytes, at: int, place: int) -> "Message":
-        """Return the message at an offset in the data of a chunk that ends at `place` in the file.
+        """Return the message at an offset in an unpacked chunk.
+
+        Args:
+            data: The unpacked chunk.
+            at: Offset of the message in `data` [bytes].
+            place: Offset of the end of the chunk in the file [bytes].
 
         Raises:
-            BadRecord: There is no message, or the chunks have too many records.
+            BadRecord: There is no message at the offset, or the chunks have too many records.
         """
         opcode, body = self._record_in(data, at, place)
         if opcode != _MESSAGE:
@@ -129,7 +136,7 @@ class Decoder:
             at += HEAD.size + len(body)
 
     def _record_in(self, data: bytes, at: int, place: int) -> tuple[int, bytes]:
-        """Return the opcode and the body of a record in the data of a chunk."""
+        """Return the opcode and the body of the record at offset `at` in an unpacked chunk."""
         self._records += 1
         if self._records > _RECORDS_LIMIT + place:
             raise BadRecord(f"{self._records} records are too many for {place} bytes of the file")
@@ -142,7 +149,7 @@ class Decoder:
 
 
 class _Body(BytesIO):
-    """The bytes of a record. Reading beyond its end is an error."""
+    """Stream over the bytes of one record. A read beyond the end raises BadRecord."""
 
     def read(self, size: int | None = -1, /) -> bytes:
         """Return exactly `size` bytes."""

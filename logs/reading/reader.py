@@ -16,18 +16,19 @@ if TYPE_CHECKING:
 
 _JSON = "std_msgs/msg/String"
 _TEXT_HEAD = 8  # number of bytes before a text in CDR
-_LITTLE_ENDIAN = b"\0\1\0\0"  # the first four of them
+_LITTLE_ENDIAN = b"\0\1\0\0"  # first four bytes of little-endian CDR
 
-# Largest size of a message [bytes]. Messages on motions, and a URDF, may fill a chunk.
+# Largest size of a message [bytes]. Messages on the topics in `_LARGE` (motions, URDF) may be
+# larger, up to the size of a chunk.
 MAX_BYTES = 1 << 20
 _LARGE = "/plan/", "/schedule", "/robot_description"
 
-# Largest numbers of some characters in a JSON message. A motion of 10 minutes at 100 Hz has 120,000
-# rows, and of 16 joints 1,200,000 values. A world of 1000 bodies has 9000 keys.
+# Largest count of some characters in a JSON message. A motion of 10 minutes at 100 Hz with 16
+# joints has 120,000 rows and 1,200,000 values. A world of 1000 bodies has 9000 keys.
 _MOST = {"[": 250_000, "{": 10_000, ",": 1_500_000, '":': 20_000}
 
-# Size from which JSON is decoded in Python [characters]. The decoder in C keeps the interpreter's
-# lock to its end, and a server must be able to move and stop the arm meanwhile.
+# A longer JSON text is decoded in Python [characters]. The decoder in C keeps the interpreter's
+# lock until it returns, and the server must be able to move and stop the arm during that time.
 _DECODED_AT_ONCE = 1 << 16
 
 
@@ -36,11 +37,11 @@ class Message:
     """One message of a recording.
 
     Attributes:
-        topic: Its topic, such as `/serial/tx`.
+        topic: Topic of the message, such as `/serial/tx`.
         time_ns: Time of recording, UTC since 1970 [ns].
-        type: Its ROS 2 type, such as `sensor_msgs/msg/JointState`.
-        cdr: Its bytes in CDR encoding.
-        path: The recording.
+        type: ROS 2 type of the message, such as `sensor_msgs/msg/JointState`.
+        cdr: The message in CDR encoding.
+        path: File of the recording.
     """
 
     topic: str
@@ -54,7 +55,7 @@ class Message:
         """The ROS 2 message, with fields as attributes. Each access decodes it again.
 
         Raises:
-            RecordingError: The bytes do not fit the type, or are too many.
+            RecordingError: The bytes do not fit the type, or the message is too large.
         """
         from logs.records.cdr import decode
 
@@ -93,7 +94,7 @@ class Message:
 
 
 class _PythonDecoder(json.JSONDecoder):
-    """Decodes JSON without its decoder in C."""
+    """JSON decoder that is written in Python, without the decoder in C."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -101,24 +102,24 @@ class _PythonDecoder(json.JSONDecoder):
 
 
 def _json(text: str) -> Any:
-    """Return the value of JSON.
+    """Return the value of a JSON text.
 
     Raises:
-        ValueError: It is not JSON, or has too many values.
-        RecursionError: It is too deep.
+        ValueError: The text is not JSON, or has too many values.
+        RecursionError: The value is nested too deeply.
     """
     if len(text) <= _DECODED_AT_ONCE:
         return json.loads(text)
     for each, most in _MOST.items():
         if (count := text.count(each)) > most:
-            raise ValueError(f"it has {count} times {each}; the limit is {most}")
+            raise ValueError(f"it contains {each} {count} times; the limit is {most} times")
     return _PythonDecoder().decode(text)
 
 
 def _plain_text(cdr: bytes) -> str | None:
-    """Return the text of a `std_msgs/msg/String` of armtree; None for any other bytes.
+    """Return the text of a `std_msgs/msg/String` that armtree encoded; None for any other bytes.
 
-    This is many times as fast as decoding field by field.
+    This function is many times faster than decoding field by field.
     """
     head = _LITTLE_ENDIAN + (len(cdr) - _TEXT_HEAD).to_bytes(4, "little", signed=True)
     plain = cdr[:_TEXT_HEAD] == head and not cdr[-1]
@@ -128,8 +129,8 @@ def _plain_text(cdr: bytes) -> str | None:
 def read(path: Path | str, topics: Collection[str] | None = None) -> Iterator[Message]:
     """Yield the messages of a recording in file order.
 
-    A file that was cut off or is being written can also be read: first come all valid messages,
-    then the error `RecordingTruncated`.
+    It also reads a file that was cut off or is being written: it yields all valid messages, and
+    then raises `RecordingTruncated`.
 
     Args:
         path: The file.

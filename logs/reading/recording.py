@@ -1,4 +1,4 @@
-"""A recording, read as its original records."""
+"""Reads a recording, and returns the records that were recorded."""
 
 import re
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
@@ -33,7 +33,7 @@ if TYPE_CHECKING:
 
 _PLAN = "/plan/"
 
-# Messages of one sent frame, in file order. A setting of the board has no joint states.
+# Topics of the messages of one sent frame, in file order. A board setting has no joint states.
 _SENT = ("/serial/tx", "/serial/timing", "/joint_states")
 _TIMING = ("time", "scheduled", "hold")
 
@@ -47,7 +47,8 @@ _TOPICS: dict[type, tuple[str, ...]] = {
     Plan: (),
 }
 
-# Fields of equal length, and tables with one column per element of another field.
+# Fields whose lengths must be equal. Pairs of a field and a table: the table has one column for
+# each element of the field.
 _LENGTHS: dict[type, tuple[tuple[str, ...], ...]] = {
     Sent: (("joints", "positions"),),
     Measured: (("joints", "position"),),
@@ -66,7 +67,7 @@ _GOAL_ID = re.compile("[0-9a-f]{32}")
 
 @dataclass
 class _Facts:
-    """Content of a file other than its messages."""
+    """Facts about a file that are known after it was read to its end."""
 
     files: dict[str, bytes] = field(default_factory=dict)
     notes: dict[str, dict[str, str]] = field(default_factory=dict)
@@ -76,21 +77,21 @@ class _Facts:
 
 
 class Recording:
-    """A finished or unfinished recording. It can be read several times, lazily.
+    """A finished or unfinished recording. It can be read several times, and is read lazily.
 
-    The properties below describe the whole file. They are known after all records were read. Before
-    that, access to a property reads the file to its end.
+    The properties below describe the whole file. The first access to a property reads the file to
+    its end, unless all records were already read.
 
     Args:
         path: The file.
 
     Attributes:
         path: The file.
-        epoch_ns: UTC at the zero of the records' clock [ns].
+        epoch_ns: UTC time at time 0 of the records' clock [ns since 1970].
     """
 
     def __init__(self, path: Path | str) -> None:
-        """Read the head of the file.
+        """Read the beginning of the file.
 
         Raises:
             RecordingError: The file does not exist, or is not a recording of armtree.
@@ -121,7 +122,7 @@ class Recording:
 
     @property
     def complete(self) -> bool:
-        """True if the file has its end and is undamaged."""
+        """True if the file is undamaged and its end is not missing."""
         return self._facts().complete
 
     @property
@@ -131,9 +132,9 @@ class Recording:
 
     @cached_property
     def changed(self) -> str:
-        """First topic, attachment or note that changed after the recording was finished.
+        """Name of the first topic, attachment or note that changed after the run was recorded.
 
-        Empty if nothing changed, or if the recording is not finished.
+        The name is empty if nothing changed, or if the recording is not finished.
         """
         from .digests import changed_part
 
@@ -152,7 +153,10 @@ class Recording:
         yield from self.grouped(each for each in self.all_messages() if wanted(each.topic))
 
     def grouped(self, messages: Iterable[Message]) -> Iterator[RunRecord]:
-        """Yield the original records of messages in file order.
+        """Yield the records that the given messages contain.
+
+        Args:
+            messages: Messages in file order. All messages of a record must be included.
 
         Raises:
             RecordingError: A record cannot be decoded.
@@ -191,7 +195,7 @@ class Recording:
         self._known = facts
 
     def frames(self) -> Iterator[Sent]:
-        """Yield the sent frames in file order, with holds but without settings of the board.
+        """Yield the sent frames in file order. Holds are included, board settings are not.
 
         Raises:
             RecordingError: A frame cannot be decoded.
@@ -201,13 +205,14 @@ class Recording:
                 yield record
 
     def record(self, messages: Sequence[Message]) -> RunRecord:
-        """Return the original record of messages.
+        """Return the record that the given messages contain.
 
         Args:
-            messages: Two or three for a sent frame, else one.
+            messages: All messages of the record: three for a sent frame, two for a board setting,
+                else one.
 
         Raises:
-            RecordingError: The messages cannot be decoded, or are not of one record.
+            RecordingError: A message cannot be decoded, or the messages are of several records.
         """
         message = messages[0]
         topic = message.topic
@@ -259,12 +264,13 @@ def _epoch_ns(path: Path) -> int:
             case Metadata(name="armtree", metadata={"epoch_ns": epoch}) if _is_time(epoch):
                 return int(epoch)
             case Metadata() if item.name == RECOVERED:
-                # A file cut off before the epoch has no messages.
+                # The original file was cut off before its epoch, so it had no messages.
                 return 0
             case Message():
                 break
     if reader.intact or reader.messages:
-        raise RecordingError(path, "was not recorded by armtree, or lacks its head")
+        what = "was not recorded by armtree, or the beginning of the file is missing"
+        raise RecordingError(path, what)
     raise RecordingEmpty(path)
 
 
@@ -274,14 +280,18 @@ def _is_time(epoch: str) -> bool:
 
 @cache
 def _json_topics() -> dict[str, type[Any]]:
-    """Record types that are one JSON message each, by topic."""
+    """Return the record type of each topic whose records are one JSON message each."""
     from logs.records.topics import TOPICS
 
     return {topic.name: topic.record for topic in TOPICS if topic.every_field}
 
 
 def topic_filter(kinds: tuple[type, ...]) -> Callable[[str], bool]:
-    """Return a filter for the topics of records of these types. Default: all types."""
+    """Return a function that returns True for each topic of these record types.
+
+    Args:
+        kinds: Record types; empty for all types.
+    """
     topics = _TOPICS | {kind: (topic,) for topic, kind in _json_topics().items()}
     names = {topic for kind in kinds or topics for topic in topics[kind]}
     plans = not kinds or Plan in kinds
@@ -331,7 +341,7 @@ def _checked(kind: type, known: dict[str, Any], message: Message) -> Any:
 
 @cache
 def _needed(kind: type) -> frozenset[str]:
-    """Return the fields without a default."""
+    """Return the names of the fields of a dataclass that have no default."""
     return frozenset(
         field.name
         for field in fields(kind)
@@ -340,7 +350,10 @@ def _needed(kind: type) -> frozenset[str]:
 
 
 def _invalid_field(kind: type, values: Mapping[str, Any]) -> str:
-    """Return the first field with an invalid type, length or value; empty if all are valid."""
+    """Return the name of the first invalid field; empty if all fields are valid.
+
+    A field may have a wrong type, a wrong length or a value out of range.
+    """
     for name, type_ in _field_types(kind).items():
         if name not in values:
             continue

@@ -1,6 +1,6 @@
 """Reads the records of an MCAP file up to the first damage.
 
-It finds damage that the mcap library overlooks: records that refer to unknown channels, wrong
+It finds damage that the mcap library does not report: records that refer to unknown channels, wrong
 checksums of attachments and of the summary, and damage in a journal.
 """
 
@@ -27,13 +27,13 @@ _BLOCK_BYTES = 65536
 class TolerantReader:
     """Iterates over the valid records of a finished, unfinished, cut or damaged file.
 
-    It checks every checksum in the file. It reads lazily, one chunk at a time.
+    It checks every checksum in the file. It reads one chunk at a time, so it needs little memory.
 
     Attributes:
         path: The file.
         intact: True if the file was complete and undamaged. Valid after iterating.
         messages: Number of messages yielded so far.
-        valid: Size of the part of the file that was read and is valid [bytes].
+        valid: Size of the valid part of the file, as far as the file was read [bytes].
     """
 
     def __init__(self, path: Path) -> None:
@@ -70,7 +70,7 @@ class TolerantReader:
                 return
             finally:
                 if stream.tell() >= end:
-                    self.valid = end  # includes the checksum of the last piece
+                    self.valid = end  # `end` includes the checksum of the last valid piece
 
     @property
     def torn(self) -> int:
@@ -78,7 +78,7 @@ class TolerantReader:
         return 0 if self.intact else self.path.stat().st_size - self.valid
 
     def _valid_records(self, stream: BinaryIO, end: int) -> Iterator[Any]:
-        """Yield records up to the first invalid one, or up to an offset in the file [bytes]."""
+        """Yield records up to the first invalid record, or up to the offset `end` [bytes]."""
         from mcap.records import Channel, DataEnd, Footer, Header, Message, Schema
 
         size = self.path.stat().st_size
@@ -118,7 +118,7 @@ class TolerantReader:
 
 
 def summary_is_valid(footer: "Footer", stream: BinaryIO) -> bool:
-    """Return True if the checksum of the summary is right. mcap's stream reader skips it."""
+    """Return True if the checksum of the summary is right. The mcap library does not check it."""
     left = stream.seek(0, os.SEEK_END) - len(MAGIC) - _CRC_BYTES - footer.summary_start
     if left < 0 or not footer.summary_crc:
         return left >= 0

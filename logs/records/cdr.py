@@ -1,7 +1,7 @@
-"""Messages of ROS 2 and their bytes: CDR (OMG XCDR1), as DDS sends them.
+"""Encodes and decodes ROS 2 messages in CDR (OMG XCDR1), the format that DDS sends.
 
-A value is at a multiple of its size, counted from the end of the header. In Python, a sequence of
-numbers is a tuple, a sequence of 8-bit numbers is bytes, and any other sequence is a list.
+The offset of a value, from the end of the header, is a multiple of the value's size. In Python, a
+sequence of numbers is a tuple, a sequence of 8-bit numbers is bytes, any other sequence is a list.
 """
 
 import struct
@@ -12,10 +12,10 @@ from typing import Any
 
 from .ros_types import Field, fields
 
-Message = SimpleNamespace  # a message has its fields as attributes
+Message = SimpleNamespace  # the fields of a message are attributes
 
 _HEADER = b"\x00\x01\x00\x00"  # plain CDR, little-endian
-_PADDING = 3  # largest number of bytes after a message: some writers fill a word
+_PADDING = 3  # largest number of bytes after a message: some writers fill up a 32-bit word
 
 # Codes of numbers in the module `struct`.
 _FORMATS = {
@@ -38,10 +38,10 @@ _Write = Callable[[bytearray, Any], None]
 
 
 def encode(name: str, message: Message) -> bytes:
-    """Return the bytes of a message.
+    """Return a message as bytes.
 
     Args:
-        name: Its type, such as `std_msgs/msg/String`.
+        name: Type of the message, such as `std_msgs/msg/String`.
         message: The message.
 
     Raises:
@@ -54,11 +54,11 @@ def encode(name: str, message: Message) -> bytes:
 
 
 def decode(name: str, data: bytes) -> Message:
-    """Return the message that bytes encode.
+    """Return the message that the given bytes contain.
 
     Args:
-        name: Its type, such as `std_msgs/msg/String`.
-        data: The bytes.
+        name: Type of the message, such as `std_msgs/msg/String`.
+        data: The message in CDR encoding.
 
     Raises:
         ValueError: The bytes do not fit the type, or the type is unknown.
@@ -75,7 +75,7 @@ def decode(name: str, data: bytes) -> Message:
 
 @cache
 def _writer(name: str) -> _Write:
-    """Return the function that appends a message of a type."""
+    """Return a function that appends a message of this type to a bytearray."""
     writers = [(field.name, _field_writer(field)) for field in fields(name)]
 
     def write(body: bytearray, message: Any) -> None:
@@ -146,7 +146,7 @@ class _Reader:
 
     @property
     def left(self) -> int:
-        """Number of bytes that were not read."""
+        """Number of bytes that were not read yet."""
         return len(self._body) - self._at
 
     def message(self, name: str) -> Message:

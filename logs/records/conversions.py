@@ -1,4 +1,4 @@
-"""Conversions from a record to the message in the file: one function per topic."""
+"""Functions that convert a record to its message in the file: one function per topic."""
 
 import json
 from dataclasses import asdict
@@ -27,15 +27,15 @@ from .ros_lifecycle import STATE_NUMBERS, transition_number
 _TX, _RX = 0, 1
 LATE = 0.02  # smallest reported delay of a frame [s]
 _LOWEST_LEVEL, _HIGHEST_LEVEL = 10, 50
-MAX_TEXT = 20_000  # largest text of a skill or a log that is recorded [characters]
+MAX_TEXT = 20_000  # longer texts of skills and logs are cut before recording [characters]
 
 
 class Stamp(NamedTuple):
-    """Values for a message that are not in its record.
+    """Values that a message needs and its record does not contain.
 
     Attributes:
         time_ns: Time of the message, UTC since 1970 [ns].
-        sequence: Number of messages before it in its channel.
+        sequence: Number of earlier messages on the same topic.
         kinematics: Forward kinematics of the robot, or None before its URDF is recorded.
     """
 
@@ -45,14 +45,14 @@ class Stamp(NamedTuple):
 
 
 class Timing(NamedTuple):
-    """Values of a sent frame that SerialFrame has no field for.
+    """Values of a sent frame for which the message type SerialFrame has no field.
 
     Attributes:
-        seq: Sequence number of the message on `/serial/tx` that holds the bytes.
+        seq: Field `seq` of the message on `/serial/tx` that has the bytes of the frame.
         time: Time of writing the frame [s].
         scheduled: Planned time of the frame [s]; null for a frame without a schedule.
-        hold: True if a stop repeated the previous frame.
-        setting: True if it is a setting of the board. A setting commands no joint.
+        hold: True if the frame is a hold: a stop repeated the previous frame.
+        setting: True if the bytes are a board setting, which commands no joint.
     """
 
     seq: int
@@ -63,33 +63,33 @@ class Timing(NamedTuple):
 
 
 def sent_frame(sent: Sent, stamp: Stamp) -> Message:
-    """Return the bytes written, as SerialFrame."""
+    """Return the written bytes of a frame as a SerialFrame message."""
     return _serial_frame(sent.data, _TX, stamp)
 
 
 def received_bytes(received: Received, stamp: Stamp) -> Message:
-    """Return the bytes read, as SerialFrame."""
+    """Return bytes that were read as a SerialFrame message."""
     return _serial_frame(received.data, _RX, stamp)
 
 
 def sent_timing(sent: Sent, stamp: Stamp) -> Message:
-    """Return the `Timing` of a frame, as JSON in a String."""
+    """Return the `Timing` of a frame as JSON, in a String message."""
     timing = Timing(stamp.sequence, sent.time, sent.scheduled, sent.hold, not sent.joints)
     return _string(timing._asdict())
 
 
 def joint_state(sent: Sent, stamp: Stamp) -> Message | None:
-    """Return the commanded positions [rad] as JointState; None for a setting of the board."""
+    """Return the commanded positions [rad] as a JointState message; None for a board setting."""
     return _joint_state(sent, _header(stamp)) if sent.joints else None
 
 
 def leader_joint_state(leader: LeaderState, stamp: Stamp) -> Message:
-    """Return the measured positions of the leader [rad] as JointState."""
+    """Return the measured positions of the leader [rad] as a JointState message."""
     return _joint_state(leader, _header(stamp, "measured"))
 
 
 def measured_joints(measured: Measured, stamp: Stamp) -> Message:
-    """Return the measured values, as MeasuredJoints."""
+    """Return the measured values of the joints as a MeasuredJoints message."""
     return Message(
         name=list(measured.joints),
         **{each: getattr(measured, each) for each in QUANTITIES},
@@ -97,12 +97,12 @@ def measured_joints(measured: Measured, stamp: Stamp) -> Message:
 
 
 def urdf(description: Description, stamp: Stamp) -> Message:
-    """Return the robot's URDF, as String."""
+    """Return the robot's URDF as a String message."""
     return Message(data=description.urdf)
 
 
 def transforms(sent: Sent, stamp: Stamp) -> Message | None:
-    """Return the pose of every link as TFMessage; None for a setting, or without a URDF."""
+    """Return the poses of all links as a TFMessage; None without a URDF, or for a setting."""
     if stamp.kinematics is None or not sent.joints:
         return None
     links = stamp.kinematics.transforms(dict(zip(sent.joints, sent.positions, strict=True)))
@@ -110,7 +110,7 @@ def transforms(sent: Sent, stamp: Stamp) -> Message | None:
 
 
 def late_frame(sent: Sent, stamp: Stamp) -> Message | None:
-    """Return a late frame as DiagnosticArray; None for all other frames."""
+    """Return a DiagnosticArray message if a frame was sent late, else None."""
     late = sent.time - sent.scheduled if sent.scheduled is not None else 0.0
     if late <= LATE:
         return None
@@ -118,7 +118,7 @@ def late_frame(sent: Sent, stamp: Stamp) -> Message | None:
     status = Message(
         level=1,
         name="streamer",
-        message=f"a frame left {late * 1e3:.1f} ms late",
+        message=f"a frame was sent {late * 1e3:.1f} ms late",
         hardware_id="",
         values=[value],
     )
@@ -127,13 +127,13 @@ def late_frame(sent: Sent, stamp: Stamp) -> Message | None:
 
 
 def every_field(record: Record, stamp: Stamp) -> Message:
-    """Return all fields of a record, as JSON in a String. Long texts are cut."""
+    """Return all fields of a record as JSON, in a String message. Long texts are cut."""
     fields = asdict(record)
     return _string({k: _cut(v) if isinstance(v, str) else v for k, v in fields.items()})
 
 
 def trajectory(plan: Plan, stamp: Stamp) -> Message | None:
-    """Return the sampled motion as JointTrajectory; None if no motion was found."""
+    """Return the sampled motion as a JointTrajectory message; None if no motion was found."""
     if not plan.times:
         return None
     return Message(
@@ -144,16 +144,16 @@ def trajectory(plan: Plan, stamp: Stamp) -> Message | None:
 
 
 def percentage(feedback: Feedback, stamp: Stamp) -> Message:
-    """Return the feedback of the ROS 2 action, as TaskFeedback."""
+    """Return the progress of a goal as a TaskFeedback message."""
     goal_id = UUID(feedback.goal_id).bytes
     return Message(
         goal_id=Message(uuid=goal_id),
-        percentage=feedback.percentage or 0,  # the field has no value for unknown
+        percentage=feedback.percentage or 0,  # an int32 cannot be None
     )
 
 
 def transition_event(change: Transition, stamp: Stamp) -> Message:
-    """Return a transition as TransitionEvent. Its number is 0 if nothing changed."""
+    """Return a transition as a TransitionEvent message. Its id is 0 if the state did not change."""
     return Message(
         timestamp=stamp.time_ns,
         transition=Message(id=transition_number(change.start, change.label), label=change.label),
@@ -163,7 +163,7 @@ def transition_event(change: Transition, stamp: Stamp) -> Message:
 
 
 def log_message(line: LogLine, stamp: Stamp) -> Message:
-    """Return a log line as Log. Its level is rounded down to a level of ROS 2."""
+    """Return a log line as a Log message. Its level is rounded down to a level of ROS 2."""
     level = min(max(line.level // 10 * 10, _LOWEST_LEVEL), _HIGHEST_LEVEL)
     return Message(
         stamp=_time(stamp.time_ns),
@@ -195,7 +195,7 @@ def _string(facts: dict[str, Any]) -> Message:
 
 
 def _text(value: str) -> str:
-    """Return text that every ROS reader accepts: no lone surrogates, no NUL, not too long."""
+    """Return a text that all ROS tools can read: short, without lone surrogates and NUL."""
     clean = _cut(value).encode("utf-8", "backslashreplace").decode("utf-8")
     return clean.replace("\0", "\\x00")
 

@@ -1,11 +1,11 @@
-"""Checks of the types of fields from JSON, which any program may have written."""
+"""Checks the types of record fields from JSON. Any program may have written the JSON."""
 
 from collections.abc import Mapping
 from dataclasses import is_dataclass
 from functools import cache
 from typing import Any, get_args, get_origin, get_type_hints
 
-LARGEST = 2**64  # largest integer in place of a float, and largest time [ns]
+LARGEST = 2**64  # limit of an integer in a float field, and of a time [ns]
 
 
 @cache
@@ -19,12 +19,15 @@ def _parts(type_: Any) -> tuple[Any, tuple[Any, ...]]:
 
 
 def frozen(value: Any) -> Any:
-    """Return lists as tuples, because JSON has only lists and records have tuples."""
+    """Convert lists to tuples, also nested ones: JSON has only lists, and records have tuples."""
     return tuple(map(frozen, value)) if isinstance(value, list) else value
 
 
 def has_type(value: Any, type_: Any) -> bool:
-    """Return True if a value has the type of a field. Also checks the fields of dataclasses."""
+    """Return True if a value has the annotated type of a field.
+
+    If the value is a dataclass, also checks the types of its fields.
+    """
     if type(value) is type_:
         return all(has_type(getattr(value, name), kind) for name, kind in _fields(value.__class__))
     origin, inner = _parts(type_)

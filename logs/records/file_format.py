@@ -1,14 +1,14 @@
-"""The file format: marks of a file, and checksums between the pieces of a journal.
+"""The file format of recordings: magic bytes, names of notes, and checksums in a journal.
 
-A journal is a recording that is still being written: an MCAP file without chunks. After every piece
-follows a record with the CRC-32 of the piece. The record has an opcode that MCAP reserves for
-applications, so every MCAP reader skips it.
+A journal is a recording that is still being written: an MCAP file without chunks. It consists of
+pieces, each written in one step. After every piece follows a record with the CRC-32 of the piece.
+This record has an opcode that MCAP reserves for applications, so every MCAP reader skips it.
 
 MCAP's own checksums are not enough. A crash loses the checksum of the data section, because it is
 at the end of the file. The checksum of a chunk does not cover the chunk's header, and notes have no
 checksum. A test flipped 4000 single bits in a journal of 76 kB. With a chunk for every piece and
-all of MCAP's checks, 59 flips were not noticed, and 13 changed the result of reading. With this
-record, all flips were noticed.
+all of MCAP's checks, 59 flips were not found, and 13 of these changed the data that was read. With
+the CRC-32 records, all flips were found.
 """
 
 import struct
@@ -17,28 +17,28 @@ from zlib import crc32
 
 MAGIC = b"\x89MCAP0\r\n"
 
-# Note in a finished recording: digests of its other content.
+# Name of the note in a finished recording that has the digests of all other content.
 DIGESTS = "digests"
 
-# Note in a recording that was made from an incomplete or damaged file.
+# Name of the note in a recording that was made from an incomplete or damaged file.
 RECOVERED = "recovered"
 
 # Last part of the library's name in the header of a journal.
 UNFINISHED = ", checked journal"
-_HALVES = UNFINISHED[:7].encode(), UNFINISHED[7:].encode()  # one half may be damaged
+_HALVES = UNFINISHED[:7].encode(), UNFINISHED[7:].encode()  # one half is enough, if a bit flipped
 _HEAD = 128  # number of first bytes, which contain the library's name
 
-# Largest record [bytes]. The largest of armtree is an attachment of up to 64 MiB, a mesh. A sparse
-# file may claim any length.
+# Largest valid length of a record [bytes]. The largest record of armtree is an attachment of up to
+# 64 MiB, a mesh. A damaged or sparse file may contain any length.
 MAX_RECORD = 1 << 27
 
-INVALID = 0x00  # no record has this opcode; a hole of a sparse file has only zeros
+INVALID = 0x00  # opcode that no record has; a hole in a sparse file reads as zeros
 
 _RECORD, _CRC = struct.Struct("<BQ"), struct.Struct("<I")
 _CHECK, _DATA_END, _FOOTER = 0x80, 0x0F, 0x02
 _BLOCK = 1 << 20  # size of one read [bytes]
 
-# End of a journal that was closed: no checksum of the data section, no summary.
+# Last bytes of a closed journal: no checksum of the data section, no summary.
 END = _RECORD.pack(_DATA_END, 4) + bytes(4) + _RECORD.pack(_FOOTER, 20) + bytes(20) + MAGIC
 
 
@@ -51,7 +51,7 @@ def is_journal(stream: BinaryIO) -> bool:
     """Return True if a file is a journal.
 
     Args:
-        stream: The file, positioned at its beginning; also afterwards.
+        stream: The file at its beginning. The function returns with the stream there again.
     """
     head = stream.read(_HEAD)
     stream.seek(0)
@@ -64,7 +64,7 @@ def valid_size(stream: BinaryIO) -> int:
     The valid part ends before the first piece with a wrong checksum.
 
     Args:
-        stream: The journal, positioned at its beginning; also afterwards.
+        stream: The journal at its beginning. The function returns with the stream there again.
     """
     good, crc = 0, crc32(stream.read(len(MAGIC)))
     while len(head := stream.read(_RECORD.size)) == _RECORD.size:

@@ -1,20 +1,20 @@
-"""Compressed attachments: files `NAME.zst`, in the format of the program zstd."""
+"""Compresses attachments to files `NAME.zst`, in the format of the program zstd."""
 
 from .records import Attachment
 
 MEDIA_TYPE = "application/zstd"
 _SUFFIX = ".zst"
-# Largest number of unpacked bytes per packed byte. Meshes have about 3. The limit keeps files of
-# other programs from filling the memory.
+# Largest number of unpacked bytes per packed byte. Meshes have about 3. Without this limit, a file
+# of another program could fill the memory.
 _MAX_RATIO = 100
 
 
 def pack(name: str, data: bytes) -> Attachment:
-    """Return an attachment with a file. It is compressed if this makes it smaller.
+    """Return an attachment that contains a file. The content is compressed if this saves space.
 
     Args:
         name: Name of the file.
-        data: Its content.
+        data: Content of the file.
     """
     from zstandard import ZstdCompressor
 
@@ -39,7 +39,7 @@ def unpack(attachment: Attachment) -> tuple[str, bytes]:
         # The library would allocate the claimed size of the frame, even above the limit.
         size, most = get_frame_parameters(data).content_size, _MAX_RATIO * len(data)
         if size > most:
-            raise ValueError(f"{name} unpacks from {len(data)} to {size} bytes; {most} are allowed")
+            raise ValueError(f"{name} unpacks from {len(data)} to {size} bytes; limit {most} bytes")
         return name, ZstdDecompressor().decompress(data)
     except ZstdError as error:
         raise ValueError(f"{name} cannot be unpacked: {error}") from error

@@ -1,4 +1,4 @@
-"""The records of a run: one plain value per event.
+"""The types of records of a run. Each record describes one event.
 
 `time` is always on the program's monotonic clock [s]. Joint positions are *commanded* [rad], except
 in `Measured` and `LeaderState`. The table in `topics.py` defines the messages of each record.
@@ -13,17 +13,22 @@ from hardware.printable import wire_text
 # Names of measured quantities.
 QUANTITIES = ("position", "velocity", "effort", "temperature", "voltage", "current", "lost")
 MOVE = -1  # task number of a move, because a move has no task file
-_AT_ONCE = 0.1  # largest delay of a goal that counts as not queued [s]
+_AT_ONCE = 0.1  # a goal that starts within this time counts as not queued [s]
 
 
 def goal_title(task: int, name: str = "") -> str:
-    """Return the title of a goal: words of a move, such as `move folded`; or number and name."""
+    """Return the title of a goal for people, such as `task 1 wave` or `move folded`.
+
+    Args:
+        task: Number of the task; `MOVE` for a move.
+        name: Name of the task, or description of the move; empty if unknown.
+    """
     return name or "move" if task == MOVE else f"task {task} {name}".rstrip()
 
 
 @dataclass(frozen=True, slots=True)
 class Description:
-    """The robot's URDF, at `time` [s]; transforms are computed from the last one recorded."""
+    """The robot's URDF, recorded at `time` [s]. Later transforms are computed from this URDF."""
 
     time: float
     urdf: str
@@ -37,8 +42,8 @@ class Sent:
         time: Time of writing [s].
         data: The bytes.
         scheduled: Planned time [s]; None for a frame without a schedule.
-        hold: True if a stop repeated the previous frame.
-        joints: Names of the commanded joints, (J,).
+        hold: True if the frame is a hold: a stop repeated the previous frame.
+        joints: Names of the commanded joints, (J,); empty for a setting.
         positions: Commanded positions [rad], (J,).
     """
 
@@ -51,7 +56,7 @@ class Sent:
 
     @property
     def text(self) -> str:
-        """The bytes as text, or in hexadecimal digits if they are not a text."""
+        """The bytes as a str: ASCII text, or hexadecimal digits if they are not ASCII text."""
         return wire_text(self.data)
 
 
@@ -74,7 +79,7 @@ class Measured:
         velocity: Measured velocities [rad/s], (J,).
         effort: Measured shares of the largest torque of the servos, -1 to 1, (J,).
         temperature: Temperatures of the servos [C], (J,).
-        voltage: Voltages of their supply [V], (J,).
+        voltage: Supply voltages of the servos [V], (J,).
         current: Currents of the servos [A], (J,).
         lost: Numbers of lost answers of the servos since the port was opened, (J,).
     """
@@ -92,7 +97,7 @@ class Measured:
 
 @dataclass(frozen=True, slots=True)
 class LeaderState:
-    """The hand-guided arm that this arm follows, at one step.
+    """Positions of the leader, the hand-guided arm that this arm follows, at one step.
 
     Attributes:
         time: Time of the step [s].
@@ -128,12 +133,13 @@ class Goal:
     """An accepted goal.
 
     Attributes:
-        time: Time of its execution start [s]; in a server's own recording, of its acceptance.
+        time: Time at which the goal started [s]; in a server's own recording, time at which the
+            goal was accepted.
         goal_id: UUID, 32 hexadecimal digits.
         task: Number of the requested task; -1 for a move.
-        name: Name of the task; empty if there is no such task. For a move, its description, such
-            as `move folded`.
-        seed: Seed of the planners; 0 if the goal has a recording of its own.
+        name: Name of the task; empty if there is no such task. For a move, a description of the
+            move, such as `move folded`.
+        seed: Seed of the planners; 0 if the goal has a separate recording.
         start: Commanded position of every actuated joint [rad], by name; empty if the arm was not
             active.
     """
@@ -147,7 +153,7 @@ class Goal:
 
     @property
     def elsewhere(self) -> bool:
-        """True if the goal has its own recording, and this one only mentions it."""
+        """True if the goal has a separate recording, and the server's recording only names it."""
         return not self.seed
 
 
@@ -156,12 +162,12 @@ class Feedback:
     """Progress of a goal.
 
     Attributes:
-        time: Time of this progress [s].
+        time: Time of the report [s].
         goal_id: UUID, 32 hexadecimal digits.
         percentage: Share of executed frames [%]; None before the first schedule.
         phase: Phase of the run, such as `planning`.
         node: Name of the tree's running node.
-        attempt: Number of the attempt, from 1. The percentage only grows within one attempt.
+        attempt: Number of the attempt, from 1. Within one attempt, the percentage never decreases.
     """
 
     time: float
@@ -184,21 +190,21 @@ class Result:
     Attributes:
         time: Time of the end [s].
         goal_id: UUID, 32 hexadecimal digits.
-        task: Number of the task.
-        state: `SUCCEEDED`, `ABORTED` or `CANCELED`.
+        task: Number of the task; -1 for a move.
+        state: Final state of the goal: `SUCCEEDED`, `ABORTED` or `CANCELED`.
         success: True if the task succeeded.
-        code: Stable code of the cause.
-        message: The cause in words.
+        code: Stable code of the cause of the end.
+        message: Cause of the end, in words.
         frames: Number of frames sent.
-        duration: Time from the acceptance of the goal to its end, including the queue [s].
+        duration: Time from the acceptance of the goal to its end, including time in the queue [s].
         node: Path of the node that caused the end; empty if no node caused it.
         joint: Joint that the cause concerns; empty if unknown.
         value: The wrong value: a position [rad], a distance [m], or a time [s].
         limit: The limit of that value, in the same unit.
         hint: Advice for the user.
-        place: Place of a node that is refused before the run, and the places that refer to it;
-            else empty.
-        argument: Name of the argument that has the wrong value; else empty.
+        place: Place in the task file of a node that was rejected before the run, and the places
+            that refer to this node; empty if no node was rejected.
+        argument: Name of the argument that has a wrong value; empty if no argument is wrong.
     """
 
     time: float
@@ -219,23 +225,27 @@ class Result:
     argument: str = ""
 
     def queued(self, goal: Goal) -> float:
-        """Return the time of the goal in the queue [s]; 0 if it started at once."""
+        """Return how long a goal waited in the queue [s]; 0 if the goal started at once.
+
+        Args:
+            goal: The goal that ended with this result.
+        """
         waited = self.duration - (self.time - goal.time)
         return waited if waited > _AT_ONCE else 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class NodeStatus:
-    """A node of the tree changed its status.
+    """A change of the status of a node in the tree.
 
     Attributes:
         time: Time of the tick [s].
         path: Path of the node in the tree.
         name: Name of the node.
-        status: `RUNNING`, `SUCCESS`, `FAILURE` or `INVALID`.
+        status: New status: `RUNNING`, `SUCCESS`, `FAILURE` or `INVALID`.
         message: Feedback message of the node.
-        inputs: Values that it has read since its start from keys and parameters, for people, by
-            port.
+        inputs: Values that the node has read from keys and parameters since its start, by port.
+            The values are texts for people.
     """
 
     time: float
@@ -246,49 +256,52 @@ class NodeStatus:
     inputs: Mapping[str, str] = field(default_factory=dict)
 
 
-HALTED = "HALTED"  # word for people: INVALID after RUNNING
+HALTED = "HALTED"  # shown to people in place of INVALID, if the node was RUNNING before
 
 
 def shown_status(status: str, before: str) -> str:
     """Return the status of a node for people: `HALTED` if the node was interrupted.
 
     Args:
-        status: Its recorded status.
-        before: Its previous status; empty if it has none.
+        status: Recorded status of the node.
+        before: Previous status of the node; empty if there is none.
     """
     return HALTED if status == "INVALID" and before == "RUNNING" else status
 
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """A planner's query and its answer; N samples, W waypoints, V via points, J joints.
+    """A query to a planner, and the planner's answer.
+
+    The shapes have N samples, W waypoints, V via points and J joints.
 
     Attributes:
         time: Time of the planner's answer [s].
         group: Group of joints, such as `arm`.
-        joints: Their names, (J,).
+        joints: Names of the joints of the group, (J,).
         start: Start position of every actuated joint of the robot [rad], by name. Joints of other
             groups do not move.
         goal: Goal positions [rad], (J,).
-        via: Points to pass through [rad], (V, J).
-        world: The bodies around the arm and in its gripper [m]. A body has a `name` and a shape: a
+        via: Positions that the motion passes on its way to the goal [rad], (V, J).
+        world: Bodies around the arm and in its gripper [m]. A body has a `name` and a shape: a
             `box` with `size`, a `sphere` with `radius`, a `cylinder` with `radius` and `length`, or
             a `mesh` with `path` and `scale`. Its `position` (of the centre) and `rotation` (x, y,
             z, w) are in the frame of its `link`; an empty link is the root. `touches` has the names
-            of links and bodies that it may touch.
+            of links and bodies that the body may touch.
         seed: Seed of the planner.
         velocity_limits: Velocity limits [rad/s], (J,).
         acceleration_limits: Acceleration limits [rad/s²], (J,).
-        waypoints: The path [rad], (W, J).
+        waypoints: Corners of the path [rad], (W, J).
         times: Time of each sample, from the start of the motion [s], (N,).
         positions: The sampled motion [rad], (N, J).
         duration: Duration of the motion [s].
-        milliseconds: Time that each step of planning took [ms].
+        milliseconds: Duration of each step of planning [ms], by name of the step.
         code: Stable code of a failure; empty if a motion was found.
         message: The failure in words.
-        spare: Distance kept beyond the robot's margin, except at the ends of the path [m].
-        speed: Share of the robot's speed. Velocity limits are scaled by it, and acceleration limits
-            by its square.
+        spare: Distance from obstacles that the path keeps in addition to the robot's margin [m].
+            Start, via points and goal keep only the margin.
+        speed: Share of the robot's speed, at most 1. The velocity limits are multiplied by this
+            share, and the acceleration limits by its square.
     """
 
     time: float
@@ -314,26 +327,26 @@ class Plan:
 
 @dataclass(frozen=True, slots=True)
 class Schedule:
-    """The frames of a compiled motion; N frames, K samples, J joints.
+    """The frames of a compiled motion. The shapes have N frames, K samples and J joints.
 
     The frames depend only on the samples, so they can be compiled again from a recording.
 
     Attributes:
         time: Time of compilation [s].
         rate_hz: Rate at which the motion was sampled [Hz].
-        firmware: Firmware profile that set the pace of the frames.
+        firmware: Name of the firmware profile, which limits the rate of frames.
         times: Planned time of each frame, from the start of the motion [s], (N,).
-        frames: The frames as text, (N,).
-        delays_s: Delay of each frame for the board's pace [s], (N,).
-        slowed_s: Time added to the motion for the board's pace [s].
+        frames: Texts of the frames, (N,).
+        delays_s: Delay of each frame, because the board accepts frames at a limited rate [s], (N,).
+        slowed_s: Time added to the motion, because the board accepts frames at a limited rate [s].
         start: Start position of every actuated joint [rad], by name.
         duration: Duration of the planned motion [s].
         groups: Groups of the merged plans, in order; empty for frames that were not planned.
-        together: True if those groups move at the same time.
+        together: True if the groups move at the same time.
         sample_times: Time of each sample, from the start of the motion [s], (K,).
         samples: Positions of all actuated joints [rad], (K, J).
-        resumed: Time within the interrupted motion at which it continues [s]; None for a motion
-            from its beginning.
+        resumed: Time in the interrupted motion from which this schedule continues it [s]; None if
+            the schedule starts a motion at its beginning.
     """
 
     time: float
@@ -354,7 +367,7 @@ class Schedule:
 
 @dataclass(frozen=True, slots=True)
 class LogLine:
-    """A line of the program's log at `time` [s]; `level` as in `logging`."""
+    """A line of the program's log at `time` [s]. `level` is a level of Python's `logging`."""
 
     time: float
     level: int
@@ -364,7 +377,7 @@ class LogLine:
 
 @dataclass(frozen=True, slots=True)
 class Attachment:
-    """A named file, such as the task's YAML. It has the time of the previous record."""
+    """A named file, such as the task's YAML file. Its time is the time of the previous record."""
 
     name: str
     media_type: str
@@ -373,7 +386,7 @@ class Attachment:
 
 @dataclass(frozen=True, slots=True)
 class Note:
-    """Named values, such as the versions of libraries."""
+    """A named set of values by key, such as the versions of libraries."""
 
     name: str
     facts: Mapping[str, str]

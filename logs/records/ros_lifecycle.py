@@ -12,7 +12,7 @@ STATE_NUMBERS = {
     "deactivating": 14,
     "errorprocessing": 15,
 }
-# Numbers by start state and label.
+# Numbers of requested transitions, by start state and label.
 REQUEST_NUMBERS = {
     ("unconfigured", "configure"): 1,
     ("inactive", "cleanup"): 2,
@@ -38,8 +38,8 @@ def transition_number(start: str, label: str) -> int:
     """Return the number of a transition.
 
     Args:
-        start: State before it.
-        label: Its label; empty if nothing changed. The number is then 0.
+        start: State before the transition.
+        label: Label of the transition; empty if the state did not change. The number is then 0.
     """
     if not label:
         return 0

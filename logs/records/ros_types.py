@@ -8,7 +8,7 @@ from functools import cache
 from importlib import resources
 from typing import Any, NamedTuple
 
-# Each `.msg` file beside this module defines one type. `standard.msg` has the types of ROS 2.
+# Each `.msg` file in this folder defines one type; `standard.msg` defines the types of ROS 2.
 _OURS = tuple(
     f"arduinobot_msgs/msg/{name}" for name in ("SerialFrame", "TaskFeedback", "MeasuredJoints")
 )
@@ -16,7 +16,7 @@ _OURS = tuple(
 _NESTED = f"{'=' * 80}\nMSG: "  # line before each nested type in a definition
 _FIELD = re.compile(r"([\w/]+)(\[(\d*)\])? +(\w+)")
 
-# Numbers of types in type descriptions of ROS 2 (REP 2016), and offsets for arrays.
+# Number of each type in the type descriptions of ROS 2 (REP 2016). Arrays add an offset.
 _NUMBERS = {
     "int8": 2,
     "uint8": 3,
@@ -40,9 +40,9 @@ class Field(NamedTuple):
     """A field of a message type.
 
     Attributes:
-        name: Name.
-        type: Type of its value or its elements, such as `float64` or `std_msgs/msg/Header`.
-        length: Number of elements; 0 for any number, None for a single value.
+        name: Name of the field.
+        type: Type of the value, or of each element: `float64`, `std_msgs/msg/Header` and others.
+        length: Number of elements; 0 if any number is allowed, None for a single value.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Field(NamedTuple):
 
     @property
     def is_message(self) -> bool:
-        """True if each value is a message."""
+        """True if the type of the field is a message type."""
         return "/" in self.type
 
 
@@ -60,7 +60,7 @@ def fields(name: str) -> tuple[Field, ...]:
     """Return the fields of a message type.
 
     Raises:
-        ValueError: No recording of armtree has messages of that type.
+        ValueError: The type is unknown: armtree records no messages of this type.
     """
     if name not in _definitions():
         raise ValueError(f"the message type {name} is unknown")
@@ -70,7 +70,7 @@ def fields(name: str) -> tuple[Field, ...]:
 
 @cache
 def schema(name: str) -> str:
-    """Return the definition of a type in `ros2msg` form, with definitions of nested types."""
+    """Return the definition of a message type in `ros2msg` form, with all nested types."""
     nested = (
         f"{_NESTED}{each.replace('/msg/', '/')}\n{_definitions()[each]}" for each in _nested(name)
     )
@@ -79,7 +79,7 @@ def schema(name: str) -> str:
 
 @cache
 def type_hash(name: str) -> str:
-    """Return the hash of a type: `RIHS01_` and 64 hexadecimal digits."""
+    """Return the hash of a message type: `RIHS01_` and 64 hexadecimal digits."""
     described = {
         "type_description": _description(name),
         "referenced_type_descriptions": [_description(each) for each in sorted(_nested(name))],
@@ -89,19 +89,19 @@ def type_hash(name: str) -> str:
 
 @cache
 def _definitions() -> Mapping[str, str]:
-    """Return the definition of each type by its name."""
+    """Return the definitions of all message types, by name of the type."""
     texts = [_text("standard"), *(f"MSG: {name}\n{_text(name)}" for name in _OURS)]
     pairs = (each.partition("\n") for text in texts for each in text.split("MSG: ")[1:])
     return {name: f"{text.strip()}\n" for name, _, text in pairs}
 
 
 def _text(name: str) -> str:
-    """Return the content of the file of a type."""
+    """Return the content of the `.msg` file of a message type."""
     return resources.files(__package__).joinpath(f"{name.rpartition('/')[2]}.msg").read_text()
 
 
 def _field(line: str) -> Field:
-    """Return a field from its line, such as `string name`, `float64[] position`."""
+    """Return the field that a line defines, such as `string name` or `float64[] position`."""
     found = _FIELD.fullmatch(line)
     assert found, line
     kind, array, length, name = found.groups()
@@ -109,7 +109,7 @@ def _field(line: str) -> Field:
 
 
 def _nested(name: str) -> tuple[str, ...]:
-    """Return all message types inside a message, also nested ones, each once."""
+    """Return all message types that a message type contains at any depth, each once."""
     inner = (field.type for field in fields(name) if field.is_message)
     return tuple(dict.fromkeys(each for kind in inner for each in (kind, *_nested(kind))))
 

@@ -1,4 +1,4 @@
-"""The table of topics: the messages and topics of each record."""
+"""The table of topics. It defines the topics and message types of each record type."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -31,13 +31,13 @@ Convert = Callable[[Any, as_.Stamp], Message | None]
 
 @dataclass(frozen=True)
 class Topic:
-    """One row of the table.
+    """A topic in a recording: one row of the table `TOPICS`.
 
     Attributes:
-        record: Type of the record.
-        name: The topic. It may contain a field of the record, such as `/plan/{record.group}`.
-        type: The ROS 2 message type.
-        convert: Function that makes the message from a record. It returns None for no message.
+        record: Type of the records that are written to the topic.
+        name: Name of the topic. It may contain a field of the record, as `/plan/{record.group}`.
+        type: ROS 2 message type.
+        convert: Function that converts a record to a message, or to None for no message.
         latched: True if late subscribers get the last message (transient local).
     """
 
@@ -49,12 +49,12 @@ class Topic:
 
     @property
     def every_field(self) -> bool:
-        """True if a message has all fields of its record as JSON, to restore the record."""
+        """True if the message is JSON with all fields of the record, and the name is fixed."""
         return self.fixed and self.convert is as_.every_field
 
     @property
     def fixed(self) -> bool:
-        """True if all records of the type go to one topic."""
+        """True if all records of the type are written to the same topic."""
         return "{" not in self.name
 
     def name_for(self, record: Record) -> str:
@@ -104,17 +104,17 @@ def topics_of(record_type: type) -> tuple[Topic, ...]:
 
 
 def offered_qos(topic: Topic) -> str:
-    """Return the quality of service that a player of the file offers, as rosbag2's YAML text.
+    """Return the quality of service with which a player publishes the topic, as YAML of rosbag2.
 
-    Keep-last and reliable; latched topics are transient local with depth 1, others volatile
-    with depth 10.
+    History is keep-last, and reliability is reliable. A latched topic is transient local with
+    depth 1. Any other topic is volatile with depth 10.
     """
     return _QOS.format(depth=1 if topic.latched else 10, durability=1 if topic.latched else 2)
 
 
-# All releases of rosbag2 read quality of service as numbers, but only in a bag of version 8 or
-# older. Without this note, a file counts as the newest version. rosbag2 uses only the version of
-# this note, and reads everything else from the file itself.
+# Note for rosbag2. Every release of rosbag2 reads the quality of service as numbers, but only in a
+# bag of version 8 or older. A file without this note counts as the newest version. rosbag2 uses
+# only the version in this note, and reads everything else from the file itself.
 ROSBAG2 = {
     "serialized_metadata": """\
 version: 8

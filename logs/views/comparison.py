@@ -10,14 +10,14 @@ from logs.reading.recording import Recording
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """The commands of a run; times are since its first frame [s].
+    """The frames of a recorded run, including holds. The shapes have N frames and J joints.
 
     Attributes:
-        path: The recording.
+        path: File of the recording.
         joints: Names of the joints, (J,).
-        times: Time of each frame, (N,).
+        times: Time of each frame, from the first frame [s], (N,).
         positions: Commanded positions [rad], (N, J).
-        frames: Frames as text, including holds, (N,).
+        frames: Texts of the frames, (N,).
     """
 
     path: Path
@@ -27,7 +27,12 @@ class Run:
     frames: tuple[str, ...]
 
     def at(self, joint: str, time: float) -> float:
-        """Return a joint's position at a time [rad], interpolated linearly between frames."""
+        """Return a joint's commanded position at a time [rad], interpolated between frames.
+
+        Args:
+            joint: Name of the joint.
+            time: Time from the first frame [s].
+        """
         column, place = self.joints.index(joint), bisect_right(self.times, time)
         if place in (0, len(self.times)):
             return self.positions[max(0, place - 1)][column]
@@ -43,8 +48,9 @@ class Comparison:
 
     Attributes:
         runs: Both runs.
-        first: First frame that differs, in words; empty if all are equal.
-        joints: Largest distance while both moved [rad], and its time [s], by joint.
+        first: First pair of frames that differ, in words; empty if all frames are equal.
+        joints: By joint: largest difference of the two positions [rad], and its time from the first
+            frame [s]. Only times before the end of the shorter run count.
     """
 
     runs: tuple[Run, Run]
@@ -53,7 +59,11 @@ class Comparison:
 
 
 def compare(one: Path, other: Path) -> Comparison:
-    """Compare two runs, aligned at the first frame of each.
+    """Return the differences of two recorded runs. Their first frames count as simultaneous.
+
+    Args:
+        one: Recording of the first run.
+        other: Recording of the second run.
 
     Raises:
         RecordingError: A recording cannot be read.
@@ -71,7 +81,7 @@ def compare(one: Path, other: Path) -> Comparison:
 
 
 def run_of(path: Path) -> Run:
-    """Read the commands of a run.
+    """Return the frames of a recorded run.
 
     Raises:
         RecordingError: The recording cannot be read.

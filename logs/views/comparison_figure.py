@@ -12,11 +12,11 @@ _STYLES = (("#0072B2", "-", 2.2), ("#D55E00", "--", 1.1))
 
 
 def draw_comparison(both: Comparison, output: Path) -> None:
-    """Draw every joint of two runs to a file.
+    """Draw the positions of each joint in two runs into a figure, and write the figure to a file.
 
     Args:
-        both: The comparison of the runs.
-        output: The file; its suffix gives the format.
+        both: The comparison of the two runs.
+        output: File to write. Its suffix sets the format.
 
     Raises:
         OSError: The file cannot be written.

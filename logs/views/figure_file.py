@@ -17,21 +17,21 @@ _LEAST_RANGE = 10.0  # smallest range of the y axis [deg]
 
 
 def save(figure: Figure, output: Path) -> None:
-    """Write a figure to a file, or to a pipe. Its texts are no formulas.
+    """Write a figure to a file or a pipe. All texts in the figure are drawn literally.
 
     Args:
         figure: The figure.
-        output: The file; its suffix gives the format, default PNG.
+        output: File to write. Its suffix sets the format; without a suffix, the format is PNG.
 
     Raises:
-        RecordingError: The file is a recording, which is not overwritten.
+        RecordingError: The file exists and is a recording. Recordings are not overwritten.
         OSError: The file cannot be written.
     """
     if output.is_file():
         with output.open("rb") as there:
             if there.read(len(MAGIC)) == MAGIC:
                 raise RecordingError(output, "is a recording; name another file for the drawing")
-    for text in figure.findobj(Text):  # recordings and files choose the names
+    for text in figure.findobj(Text):  # names in recordings and files may look like formulas
         text.set_parse_math(False)
         text.set_text(escaped(text.get_text()))
     FigureCanvasAgg(figure)

@@ -1,4 +1,4 @@
-"""Draws a motion of the arm and the bodies around it, from the front and from above."""
+"""Draws a motion of the arm, and the bodies around the arm, from the front and from above."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -10,7 +10,7 @@ from matplotlib.patches import Patch
 
 _START, _ARM, _BODY = "#777777", "#0072B2", "#D55E00"
 _SIDES = ((0, 2), (0, 1))
-_KEY = 0.15  # share of the height for the legend; a search of matplotlib for a place takes 1 s
+_KEY = 0.15  # share of the height for the legend; matplotlib takes 1 s to find a place itself
 
 Point = tuple[float, float]
 Shape = Sequence[Sequence[float]]
@@ -18,12 +18,12 @@ Shape = Sequence[Sequence[float]]
 
 @dataclass(frozen=True)
 class MotionDrawing:
-    """Outlines of the arm and of the bodies around it during a motion.
+    """Outlines of the arm and of all bodies during a motion, in the root frame.
 
     Attributes:
-        poses: Corners of each shape of the arm for each pose, in the root frame [m].
+        poses: For each pose of the motion, the corners of each shape of the arm [m].
         bodies: Corners of each body that does not move [m].
-        held: Corners of each body that the arm carries, for each pose [m].
+        held: For each pose, the corners of each body that the arm carries [m].
     """
 
     poses: Sequence[Sequence[Shape]]
@@ -32,9 +32,9 @@ class MotionDrawing:
 
 
 def draw_motion(sides: Sequence[Axes], motion: MotionDrawing) -> None:
-    """Draw all poses into one view: the first grey, the last blue, the others faint.
+    """Draw all poses of a motion: the first pose grey, the last pose blue, the others pale blue.
 
-    Bodies are red.
+    Bodies are orange.
 
     Args:
         sides: Axes for the view from the front, and for the view from above.
@@ -77,7 +77,7 @@ def _side(axes: Axes, motion: MotionDrawing, across: int, up: int) -> None:
 
 
 def _hull(points: Sequence[Point]) -> list[Point]:
-    """Return the corners of the convex hull, in turn (A. M. Andrew's monotone chain, 1979)."""
+    """Return the corners of the convex hull in order around it (A. M. Andrew, 1979)."""
     ordered = sorted(set(points))
     if len(ordered) < 3:
         return ordered

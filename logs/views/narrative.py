@@ -1,4 +1,4 @@
-"""A recording in words: a summary, short or whole, and a narrative line by line."""
+"""A recording in words: a summary of the run, and a narrative with one line per event."""
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -39,12 +39,13 @@ class Listing:
 
     Attributes:
         path: The file.
-        bytes: Its size [bytes].
-        complete: True if the file has its end, and the parts that were read have no damage.
-        written: True if it is being written.
-        recovered: True if it was cut off or damaged, and recovered. Its run may lack its end.
-        goal: The goal; None in a recording without a goal, such as a server's own.
-        result: The result of that goal, or None.
+        bytes: Size of the file [bytes].
+        complete: True if the end of the file is not missing, and no part that was read is damaged.
+        written: True if the recording is being written.
+        recovered: True if the recording was cut off or damaged, and was recovered. The end of the
+            run may then be missing.
+        goal: Goal of the run; None in a recording without a goal, such as a server's own recording.
+        result: Result of the goal; None if it has none.
         frames: Number of frames sent, including holds.
     """
 
@@ -59,20 +60,20 @@ class Listing:
 
     @property
     def waited(self) -> float:
-        """Time of the goal in the queue [s]; 0 if it did not wait or has no result."""
+        """How long the goal waited in the queue [s]; 0 if it did not wait or has no result."""
         if self.goal is None or self.result is None:
             return 0.0
         return self.result.queued(self.goal)
 
     @property
     def outcome(self) -> str:
-        """The goal's last state, `NO END` if it has no result, or `-` without a goal."""
+        """Final state of the goal; `NO END` if the goal has no result; `-` if there is no goal."""
         if self.result:
             return self.result.state
         return "NO END" if self.goal else "-"
 
     def to_json(self) -> dict[str, Any]:
-        """Return it as `docs/output.schema.json` describes `log_ls`, without `pinned`."""
+        """Return the summary as `log_ls` in `docs/output.schema.json`, but without `pinned`."""
         goal, result = self.goal, self.result
         return {
             "file": str(self.path),
@@ -94,13 +95,13 @@ class Listing:
 
 @dataclass(frozen=True, slots=True)
 class Overview(Listing):
-    """A summary of a recording that was read to its end.
+    """A full summary of a recording that was read to its end.
 
     Attributes:
         messages: Number of messages.
         holds: Number of holds.
-        late: Number of frames by lateness, in steps of 0.01 ms [ms].
-        planning: Planning time of the last plan, by group [ms].
+        late: Number of frames for each delay [ms]. Delays are rounded to 0.01 ms.
+        planning: Planning time of the last plan of each group [ms], by group.
         notes: Notes by name, such as `versions`.
         files: Names of the attachments.
     """
@@ -113,7 +114,7 @@ class Overview(Listing):
     files: tuple[str, ...]
 
     def to_json(self) -> dict[str, Any]:
-        """Return the summary as `docs/output.schema.json` describes `log_info`."""
+        """Return the summary as `log_info` in `docs/output.schema.json`."""
         late = sorted(self.late.elements())
         return Listing.to_json(self) | {
             "messages": self.messages,
@@ -128,9 +129,9 @@ class Overview(Listing):
 
 
 def listing(path: Path) -> Listing:
-    """Summarise a recording by its index, without its frames.
+    """Return a short summary of a recording. Reads only its index, goal and result.
 
-    It is read to its end if it has no index, or if the index, goal or result is damaged.
+    If the recording has no index, or a part is damaged, reads the whole file.
 
     Raises:
         RecordingError: The recording cannot be read.
@@ -147,7 +148,7 @@ def listing(path: Path) -> Listing:
 
 
 def overview(path: Path) -> Overview:
-    """Summarise a recording.
+    """Return a full summary of a recording. Reads the whole file.
 
     Raises:
         RecordingError: The recording cannot be read.
@@ -189,11 +190,13 @@ def overview(path: Path) -> Overview:
 
 
 def narrative(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
-    """Yield the events of a run as lines, each with the time since the goal [s].
+    """Yield a line for each event of a run, with its time [s].
+
+    Time 0 is the time of the first goal, or of the first record if there is no goal.
 
     Args:
         path: The recording.
-        everything: True to include every frame, received byte, measurement and progress report.
+        everything: True to include all frames, received bytes, measurements and progress reports.
 
     Raises:
         RecordingError: The recording cannot be read.
@@ -208,7 +211,7 @@ def narrative(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
             frames += 1
             late = 0.0 if record.scheduled is None else record.time - record.scheduled
             if late > LATE and not everything:
-                yield time, f"frame {frames} left {late * 1e3:.1f} ms late"
+                yield time, f"frame {frames} was sent {late * 1e3:.1f} ms late"
         if isinstance(record, Feedback) and record.paused != paused:
             paused = record.paused
             yield time, "paused" if paused else "resumed"
@@ -222,7 +225,7 @@ def narrative(path: Path, everything: bool) -> Iterator[tuple[float, str]]:
 
 
 def line(record: RunRecord) -> str:  # noqa: C901, a table of words
-    """Return one record as a line."""
+    """Return a line of text that describes a record."""
     match record:
         case Goal() if record.elsewhere:
             return f"goal: {goal_title(record.task)}"
@@ -265,7 +268,7 @@ def line(record: RunRecord) -> str:  # noqa: C901, a table of words
 
 
 def bodies_text(world: Sequence[Mapping[str, Any]]) -> str:
-    """Return the names of bodies, each with the link that it is attached to."""
+    """Return the names of bodies as a str. An attached body has the name of its link, too."""
     return ", ".join(f"{b['name']} on {b['link']}" if b["link"] else b["name"] for b in world)
 
 
@@ -274,4 +277,4 @@ def _positions_text(joints: Sequence[str], positions: Sequence[float]) -> str:
 
 
 def _around(plan: Plan) -> str:
-    return f"; around it: {bodies_text(plan.world)}" if plan.world else ""
+    return f"; bodies: {bodies_text(plan.world)}" if plan.world else ""

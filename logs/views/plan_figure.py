@@ -17,15 +17,15 @@ _LIMIT = "#999999"
 
 @dataclass(frozen=True)
 class PlanDrawing:
-    """The parts of a plan that are drawn; N samples, W waypoints, J joints.
+    """The values of a plan for its figure. The shapes have N samples, W waypoints and J joints.
 
-    Positions are in the units of the joints, speeds and accelerations per second and per second
-    squared.
+    Positions are in the unit of each joint: deg or mm. Speeds are in this unit per second,
+    accelerations in this unit per second squared.
 
     Attributes:
         title: Title of the figure.
         joints: Names of the joints, (J,).
-        units: Unit of each joint, deg or mm, (J,).
+        units: Unit of each joint, `deg` or `mm`, (J,).
         times: Time of each sample [s], (N,).
         positions: Positions, (N, J).
         speeds: Speeds, (N, J).
@@ -33,7 +33,7 @@ class PlanDrawing:
         waypoints: Waypoints of the path, (W, J).
         speed_limits: Limits of the speeds, (J,).
         acceleration_limits: Limits of the accelerations, (J,).
-        motion: The motion in space.
+        motion: Outlines of the arm and the bodies during the motion.
     """
 
     title: str
@@ -50,11 +50,11 @@ class PlanDrawing:
 
 
 def draw_plan(plan: PlanDrawing, output: Path) -> None:
-    """Draw a plan to a file.
+    """Draw a plan into a figure, and write the figure to a file.
 
     Args:
-        plan: The plan.
-        output: The file; its suffix gives the format.
+        plan: The values to draw.
+        output: File to write. Its suffix sets the format.
 
     Raises:
         OSError: The file cannot be written.
@@ -85,10 +85,10 @@ def draw_plan(plan: PlanDrawing, output: Path) -> None:
 
 
 def _path(axes: Axes, plan: PlanDrawing) -> None:
-    """Draw the path in joint space: all other joints over the first."""
+    """Draw the path in joint space: positions of the other joints over those of the first joint."""
     if len(plan.joints) < 2:
         axes.set_axis_off()
-        axes.text(0.5, 0.5, "one joint: its path is a line", ha="center", fontsize=7)
+        axes.text(0.5, 0.5, "no path: there is only one joint", ha="center", fontsize=7)
         return
     columns = list(zip(*plan.positions, strict=True))
     corners = list(zip(*plan.waypoints, strict=True))

@@ -1,4 +1,4 @@
-"""Draws a run: joints, frames, tree and lifecycle over time, and its motions in space."""
+"""Draws a run: joints, frames, tree and lifecycle over time, and the motions in space."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from .figure_file import save, widen
 from .motion_figure import MotionDrawing, draw_motion
 from .timeline import Row, Timeline, Trace, timeline
 
-# Okabe and Ito's colours: distinct for colour-blind readers and in grey print.
+# Colours of Okabe and Ito, which colour-blind readers can distinguish, also in grey print.
 _STATES = {"RUNNING": "#56B4E9", "SUCCESS": "#009E73", "FAILURE": "#D55E00", "INVALID": "#999999"}
 _SYMBOLS = {"RUNNING": "", "SUCCESS": "o", "FAILURE": "X", "INVALID": "D"}
 _UNKNOWN = "#000000"
@@ -33,9 +33,9 @@ _LIFECYCLE = {
     "errorprocessing": "#D55E00",
 }
 _IN_TRANSITION = "#9CC3DB"
-_SHORT_S = 0.1  # times below this are shown in milliseconds [s]
+_SHORT_S = 0.1  # shorter times are shown in milliseconds [s]
 _DPI = 300
-_WIDTH = 7.16  # two columns of an IEEE page; this and all lengths below [in]
+_WIDTH = 7.16  # two columns of an IEEE page; this and all following lengths are in inches
 _LEFT, _RIGHT, _TOP, _BOTTOM, _GAP = 1.25, 0.75, 0.48, 0.42, 0.07
 _CURVE, _CURVES, _RUG, _NODE, _BAND = 0.22, 0.75, 0.2, 0.165, 0.18
 _LETTER, _LINE, _INDENT, _EDGE = 0.066, 0.125, 0.12, 0.1
@@ -46,11 +46,11 @@ _SCENE, _SCENE_TITLE, _MOST_SCENES = 3.0, 0.35, 12
 
 @dataclass(frozen=True)
 class MotionScene:
-    """Motions in one world.
+    """A drawing of the motions in one world.
 
     Attributes:
         title: Title above the drawing.
-        motion: The motions.
+        motion: Outlines of the arm and the bodies during the motions.
     """
 
     title: str
@@ -58,13 +58,13 @@ class MotionScene:
 
 
 def plot(recording: Path, output: Path, scenes: Sequence[MotionScene] = ()) -> None:
-    """Draw joints, frames, tree and lifecycle over the time since the goal.
+    """Draw a recorded run: joints, frames, tree and lifecycle over time.
 
-    Also draws runs without a frame, canceled runs and cut recordings.
+    Also draws runs without frames, canceled runs, and recordings that were cut off.
 
     Args:
         recording: The recording, finished or not.
-        output: File to write or overwrite; its suffix gives the format. The figure is as wide as
+        output: File to write or overwrite. Its suffix sets the format. The figure is as wide as
             two columns of a paper.
         scenes: Motions in space, drawn below the other panels. Only the first twelve are drawn.
 
@@ -76,13 +76,13 @@ def plot(recording: Path, output: Path, scenes: Sequence[MotionScene] = ()) -> N
 
 
 def draw(run: Timeline, output: Path, scenes: Sequence[MotionScene] = (), dpi: int = _DPI) -> None:
-    """Draw a run to a file.
+    """Draw a run into a figure, and write the figure to a file.
 
     Args:
-        run: The run.
-        output: The file; its suffix gives the format.
-        scenes: Its motions in space. Only the first twelve are drawn.
-        dpi: Pixels per inch; the figure is 7.16 inches wide.
+        run: The timeline of the run.
+        output: File to write. Its suffix sets the format.
+        scenes: The motions of the run in space. Only the first twelve are drawn.
+        dpi: Resolution [pixels per inch]. The figure is 7.16 inches wide.
 
     Raises:
         OSError: The file cannot be written.
@@ -135,7 +135,7 @@ def _figure(run: Timeline, scenes: Sequence[MotionScene]) -> Figure:
 
 
 def _fewer(scenes: Sequence[MotionScene]) -> Sequence[MotionScene]:
-    """Limit the number of scenes, to limit the height of the figure."""
+    """Return the first twelve scenes, because the height of a figure is limited."""
     if len(scenes) <= _MOST_SCENES:
         return scenes
     *before, last = scenes[:_MOST_SCENES]
@@ -151,7 +151,7 @@ def _by_group(traces: Iterable[Trace]) -> dict[str, list[Trace]]:
 
 
 def _panels(figure: Figure, heights: Sequence[float], top: float, run: Timeline) -> list[Axes]:
-    """Return axes of these heights [in], one below the other, over one time axis."""
+    """Return panels of the given heights [in], one below the other, with the same time axis."""
     left, right = _margins(run)
     tall = figure.get_figheight()
     panels: list[Axes] = []
@@ -170,7 +170,7 @@ def _panels(figure: Figure, heights: Sequence[float], top: float, run: Timeline)
 
 
 def _margins(run: Timeline) -> tuple[float, float]:
-    """Return the left margin for the names of nodes and the right margin for joints [in]."""
+    """Return the left margin [in] for names of nodes, and the right margin for names of joints."""
     left = max((_INDENT * row.depth + _LETTER * len(row.name) for row in run.rows), default=0.0)
     right = max((_LETTER * len(trace.joint) for trace in run.traces), default=0.0)
     return max(_LEFT, left + 2 * _EDGE), max(_RIGHT, right + 2 * _EDGE)
@@ -229,7 +229,7 @@ def _name_curves(panel: Axes, traces: Sequence[Trace], colours: dict[str, str]) 
 
 
 def _apart(wanted: Sequence[float], pitch: float) -> list[float]:
-    """Return heights close to the wanted ones, in the same order, at least `pitch` apart."""
+    """Return heights for names: close to the wanted heights, but at least `pitch` apart."""
     order = sorted(range(len(wanted)), key=lambda i: (wanted[i], -i))
     placed = list(wanted)
     for below, above in pairwise(order):
@@ -276,13 +276,13 @@ def _draw_node(panel: Axes, row: Row, place: int) -> None:
             facecolors=colour,
             linewidth=0,
         )
-        # A symbol makes a state shorter than a pixel visible, also without colour.
+        # A state may be narrower than a pixel. A symbol makes it visible, also without colour.
         symbol = _SYMBOLS.get(span.state, "d")
         panel.plot([span.start], [place], symbol or "|", color=colour, ms=4, mew=0.8, clip_on=False)
 
 
 def _explain_states(panel: Axes) -> None:
-    """Draw the legend of the states, in the right margin."""
+    """Draw the legend of the node states into the right margin."""
     rows = panel.get_ylim()[0] + 0.5
     for number, (state, colour) in enumerate(_STATES.items()):
         y = (rows - 1) / 2 + (number - 1.5) * 0.85
@@ -322,7 +322,7 @@ def _draw_marks(panels: Sequence[Axes], run: Timeline) -> None:
             panel.axvline(time, color=_INK, linewidth=0.6, linestyle=(0, (3, 2)), zorder=0.5)
         place = (time - run.start) / (run.end - run.start)
         if place < taken and what == written:
-            continue  # only the first of equal marks in a row has words
+            continue  # of equal marks that follow each other closely, only the first has a label
         level = (level + 1) % _MARK_LEVELS if place < taken else 0
         taken, written = place + 0.012 * len(what), what
         panels[0].annotate(
@@ -337,7 +337,7 @@ def _draw_marks(panels: Sequence[Axes], run: Timeline) -> None:
 
 
 def _draw_scene(figure: Figure, scene: MotionScene, floor: float) -> None:
-    """Draw a scene from two sides, `floor` above the bottom of the figure [in]."""
+    """Draw a scene from two sides. Its lower edge is `floor` [in] above the figure's lower edge."""
     tall = figure.get_figheight()
     left, across = 0.5, _WIDTH / 2 - 0.6
     up = _SCENE - _SCENE_TITLE - 0.55
@@ -388,7 +388,7 @@ def _beside(panel: Axes, text: str, y: float, colour: str = _INK) -> None:
 def _write(
     panel: Axes, text: str, at: tuple[float, float], right: float, size: float, colour: str
 ) -> None:
-    """Write text beside a panel, `right` [in] of the point `at`."""
+    """Write a text into a figure. It starts `right` inches to the right of the point `at`."""
     panel.annotate(
         text,
         at,

@@ -1,4 +1,4 @@
-"""A recording as tables: a topic as columns of NumPy arrays, and commands as CSV."""
+"""Returns a topic of a recording as NumPy arrays, and writes a recording to CSV files."""
 
 import csv
 import warnings
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 _PLAIN = (bool, int, float, str)
-# Units in the names of columns. A quantity without a unit has its name there.
+# Last part of the names of columns: the unit. A quantity without a unit has its own name instead.
 _SUFFIXES = {
     "position": "rad",
     "velocity": "rad_s",
@@ -30,18 +30,19 @@ _SUFFIXES = {
 
 
 def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
-    """Return the messages of a topic, one column per field, for `pandas.DataFrame`.
+    """Return the messages of a topic as columns, for `pandas.DataFrame`. A message is a row.
 
-    Joint states have one column per joint [rad]. Nested fields have one column each, such as
-    `transition.label`. Arrays are left out. Unknown numbers are NaN. For an incomplete recording,
-    it warns and returns the valid part.
+    Joint states have one column per joint [rad]. Other messages have one column per field, also per
+    nested field, such as `transition.label`. Fields with arrays are left out. Unknown numbers are
+    NaN. For an incomplete recording, the function warns and returns the valid part.
 
     Args:
         path: The recording.
-        topic: The topic, such as `/joint_states`.
+        topic: Name of the topic, such as `/joint_states`.
 
     Returns:
-        Arrays of equal length by name; the first is `time_ns`, UTC since 1970 [ns].
+        Columns by name: arrays of equal length. The first column is `time_ns`, UTC since 1970
+        [ns]. Empty if the topic has no message.
 
     Raises:
         RecordingError: The recording cannot be read, or has no such topic.
@@ -67,7 +68,7 @@ def table(path: Path | str, topic: str) -> "dict[str, NDArray[Any]]":
 
 
 def _column(values: list[Any]) -> list[Any]:
-    """Replace None by NaN in a column of numbers."""
+    """Return a column with NaN in place of None. A column of texts is not changed."""
     if any(isinstance(value, str) for value in values):
         return values
     return [nan if value is None else value for value in values]
@@ -84,7 +85,7 @@ def _row(message: Message) -> dict[str, Any]:
 
 
 def _flat(data: Any, above: str) -> Iterator[tuple[str, Any]]:
-    """Yield the plain fields of a message and of nested messages."""
+    """Yield the name and value of each number, bool and text in a message and nested messages."""
     for name, value in vars(data).items():
         if isinstance(value, Values):
             yield from _flat(value, f"{above}{name}.")
@@ -93,16 +94,18 @@ def _flat(data: Any, above: str) -> Iterator[tuple[str, Any]]:
 
 
 def export(path: Path, folder: Path) -> tuple[Path, ...]:
-    """Write joints, frames and measurements to CSV; times are since the first frame [s].
+    """Write a recording to CSV files. Their times start at the first frame [s].
+
+    `NAME.joints.csv` has the commanded positions, and `NAME.frames.csv` the frames. If the arm was
+    measured, `NAME.measured.csv` has the measured values. If the arm followed a leader,
+    `NAME.leader.csv` has the positions of the leader.
 
     Args:
         path: The recording.
-        folder: Folder for `NAME.joints.csv` with commanded positions and `NAME.frames.csv`. If
-            there are such records, also for `NAME.measured.csv`, and for `NAME.leader.csv` with
-            measured positions of the leader. It is created if it does not exist.
+        folder: Folder for the files. It is created if it does not exist.
 
     Returns:
-        The written files.
+        Paths of the written files.
 
     Raises:
         RecordingError: The recording cannot be read.
@@ -132,7 +135,7 @@ def export(path: Path, folder: Path) -> tuple[Path, ...]:
 def _export_measured(
     path: Path, kind: type[Measured | LeaderState], file: Path, zero: float | None
 ) -> Iterator[Path]:
-    """Write the measurements of a type to a file. Yield the file, or nothing if there is none."""
+    """Write all records of a type to a file. Yield the file, or nothing if there is no record."""
     records = (each for each in Recording(path).records(kind) if isinstance(each, kind))
     first = next(records, None)
     if first is None:
@@ -147,7 +150,7 @@ def _export_measured(
 
 
 def _measured(record: Measured | LeaderState) -> dict[str, float]:
-    """Return the values of a measurement by column."""
+    """Return the values of a measurement, by name of the column."""
     if isinstance(record, LeaderState):
         values = {"rad": record.positions}
     else:

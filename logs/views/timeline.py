@@ -1,4 +1,4 @@
-"""The timeline of a run: events for its figure, in seconds since its goal."""
+"""Reads a run from its recording, as a timeline: the values that the figure of a run shows."""
 
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
@@ -25,15 +25,15 @@ _INVALID = "INVALID"
 _FAULT = "errorprocessing"
 _CANCEL = "cancel"  # first word of the phases of a cancel
 _PAUSED = "paused"  # name of a phase and of its mark
-_DEEPEST = 200  # largest depth of a node; a deeper tree is of another program
+_DEEPEST = 200  # largest depth of a node; armtree itself records no deeper tree
 
-_Change = tuple[float, str]  # start of a state [s], and the state
-_Curves = dict[str, list[tuple[float, float]]]  # times [s] and positions [rad] by joint
+_Change = tuple[float, str]  # time at which a state starts [s], and name of the state
+_Curves = dict[str, list[tuple[float, float]]]  # times [s] and positions [rad], by joint
 
 
 @dataclass(frozen=True)
 class Span:
-    """A state that lasted from `start` to `end` [s since the goal]."""
+    """A period in one state, from time `start` to time `end` [s]. Time 0 is the goal's start."""
 
     state: str
     start: float
@@ -42,7 +42,14 @@ class Span:
 
 @dataclass(frozen=True)
 class Row:
-    """The states of one node of the tree, `depth` levels below the root, and its last message."""
+    """A row of the figure: the states of one node of the tree.
+
+    Attributes:
+        name: Name of the node.
+        depth: Number of levels from the root to the node; 0 for the root.
+        spans: Periods of the node's states, in order of time.
+        message: Last feedback message of the node; empty if there is none.
+    """
 
     name: str
     depth: int
@@ -52,16 +59,16 @@ class Row:
 
 @dataclass(frozen=True)
 class Trace:
-    """The positions of one joint.
+    """The positions of one joint during a run. Time 0 is the start of the goal.
 
     Attributes:
-        joint: Its name.
-        group: Its group.
-        times: Times of the commanded positions [s since the goal].
+        joint: Name of the joint.
+        group: Group of the joint; `joints` if no plan names its group.
+        times: Times of the commanded positions [s].
         positions: Commanded positions [rad].
-        measured_times: Times of the measured positions [s since the goal]; empty if not measured.
+        measured_times: Times of the measured positions [s]; empty if the joint is not measured.
         measured: Measured positions [rad].
-        leader_times: Times of the leader's positions [s since the goal]; empty without a leader.
+        leader_times: Times of the leader's positions [s]; empty if the arm follows no leader.
         leader: Measured positions of the leader that the arm follows [rad].
     """
 
@@ -76,7 +83,7 @@ class Trace:
 
     @property
     def errors(self) -> list[float]:
-        """Distance from the commanded position at each measurement [rad]."""
+        """Measured position minus commanded position, for each measurement [rad]."""
         commands = (bisect_right(self.times, time) - 1 for time in self.measured_times)
         pairs = zip(commands, self.measured, strict=True)
         return [q - self.positions[max(command, 0)] for command, q in pairs]
@@ -84,20 +91,22 @@ class Trace:
 
 @dataclass(frozen=True)
 class Timeline:
-    """Everything that the figure of a run shows; times are [s since the goal].
+    """The values that the figure of a run shows.
+
+    Time 0 is the start of the goal. Without a goal, it is the first record.
 
     Attributes:
         goal: The goal; None if it was not recorded.
-        result: The goal's result; None if it was not recorded.
+        result: Result of the goal; None if it was not recorded.
         start: Start of the time axis [s].
         end: End of the time axis [s].
         traces: Commanded and measured positions, one trace per joint.
-        frames: Times at which frames were sent [s].
+        frames: Times at which frames were sent, without holds [s].
         holds: Times at which a stop repeated the last frame [s].
-        rows: The tree, parents above their children.
-        lifecycle: States of the hardware.
-        marks: Times of events that concern all panels [s], each with its name.
-        complete: True if the recording has its end.
+        rows: Nodes of the tree, one row per node, parents above their children.
+        lifecycle: Periods of the lifecycle states of the hardware.
+        marks: Time [s] and name of each event that all panels show, such as a cancel.
+        complete: True if the end of the recording is not missing.
     """
 
     goal: Goal | None
@@ -114,11 +123,11 @@ class Timeline:
 
 
 def timeline(path: Path) -> Timeline:
-    """Read a run. If a file has several goals, read the last one.
+    """Return the timeline of a recorded run. If a file has several goals, the last goal counts.
 
     Raises:
-        RecordingError: The file cannot be read, or its tree is too deep. A cut file can be read:
-            see `Timeline.complete`.
+        RecordingError: The file cannot be read, or its tree is too deep. A file that was cut off
+            raises no error; `Timeline.complete` is then False.
     """
     try:
         recording = Recording(path)
@@ -133,11 +142,11 @@ def timeline(path: Path) -> Timeline:
 
 
 def timeline_of(records: Iterable[RunRecord], complete: bool = True) -> Timeline:
-    """Return the run that records describe.
+    """Return the timeline of a run.
 
     Args:
-        records: The records, in order of time.
-        complete: True if the records have the end of the run.
+        records: Records of the run, in order of time.
+        complete: True if no record is missing at the end of the run.
     """
     events = _Events()
     for record in records:
@@ -147,13 +156,13 @@ def timeline_of(records: Iterable[RunRecord], complete: bool = True) -> Timeline
 
 @dataclass
 class _Events:
-    """The events so far. Times are on the records' clock [s]."""
+    """Collects the records of a run for its timeline. Times are on the records' clock [s]."""
 
     goal: Goal | None = None
     result: Result | None = None
     first: float | None = None
     last: float = 0.0
-    motions: list[dict[str, Plan]] = field(default_factory=list)  # last plans of each group
+    motions: list[dict[str, Plan]] = field(default_factory=list)  # plans of each motion, by group
     moved: bool = True  # True if the arm moved since the last plan
     starts: dict[str, tuple[float, float]] = field(default_factory=dict)
     joints: _Curves = field(default_factory=dict)
@@ -214,7 +223,7 @@ class _Events:
             self.motions.append({})
             self.moved = False
         self.motions[-1][plan.group] = plan
-        if plan.positions:  # position of a joint before its first frame
+        if plan.positions:  # the first row has the positions before the first frame
             for joint, position in zip(plan.joints, plan.positions[0], strict=True):
                 self.starts.setdefault(joint, (plan.time, position))
 
@@ -277,7 +286,7 @@ class _Events:
         return traces
 
     def _curve(self, curves: _Curves, joint: str) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        """Return times [s since the goal] and positions of a joint [rad]."""
+        """Return the times [s] and positions [rad] of a joint. Time 0 is the start of the goal."""
         samples = curves.get(joint, [])
         return tuple(self._since(time) for time, _ in samples), tuple(q for _, q in samples)
 
@@ -292,7 +301,11 @@ class _Events:
         return [*marks, *self.pauses, *((time, "fault") for time in self.faults)]
 
     def _cancel(self) -> float | None:
-        """Return the time of the cancel [s]: of phase `canceling`, or else of its first effect."""
+        """Return the time of the cancel [s], or None if the goal was not canceled.
+
+        This is the start of the phase `canceling`. Without this phase, it is the first hold or
+        interrupted node.
+        """
         if self.canceled is not None or self.result is None or self.result.state != "CANCELED":
             return self.canceled
         effects = [sent.time for sent in self.sent if sent.hold]
@@ -307,7 +320,7 @@ def _add(curves: _Curves, time: float, joints: Sequence[str], positions: Sequenc
 
 
 def _begun(changes: list[_Change]) -> list[_Change]:
-    """Return a node's changes from its first tick on. Before that, a node is INVALID."""
+    """Return the changes of a node's state without those before its first tick (INVALID)."""
     return list(dropwhile(lambda change: change[1] == _INVALID, changes))
 
 
@@ -316,7 +329,10 @@ def _parts(path: str) -> list[str]:
 
 
 def _in_tree_order(paths: Iterable[str]) -> list[str]:
-    """Return paths with parents before children, and siblings in the order of first change."""
+    """Return paths of nodes in tree order: parents before their children.
+
+    Siblings keep the order of the given paths.
+    """
     rank: dict[tuple[str, ...], int] = {}
     for path in paths:
         parts = _parts(path)

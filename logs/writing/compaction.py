@@ -1,4 +1,7 @@
-"""Compaction: makes the final recording, chunked, compressed and indexed, from a journal."""
+"""Compaction: makes a finished recording from a journal. It is chunked, compressed and indexed.
+
+A journal is a recording that is still being written, or whose process was killed.
+"""
 
 import os
 import shutil
@@ -16,21 +19,21 @@ from logs.records.file_format import DIGESTS, RECOVERED, UNFINISHED
 if TYPE_CHECKING:
     from mcap.writer import Writer
 
-# Size of a chunk; smaller chunks compress worse, and each has its own indexes.
+# Size of a chunk. Smaller chunks compress worse and need more indexes.
 _CHUNK_BYTES = 262144
 
 
 @dataclass(frozen=True, slots=True)
 class Summary:
-    """A finished recording.
+    """The outcome of a compaction or recovery.
 
     Attributes:
-        path: The file.
-        messages: Number of messages in it.
-        bytes: Its size [bytes]; 0 if nothing was recorded and the file was removed.
-        whole: True if its source had its end and no damage.
-        torn: Number of invalid bytes at the end of the source.
-        damaged: Copy of the source if bytes of it were lost; else None.
+        path: File of the finished recording.
+        messages: Number of messages in the finished recording.
+        bytes: Size of the file [bytes]; 0 if nothing was recorded and the file was removed.
+        whole: True if the original file was undamaged and its end was not missing.
+        torn: Number of invalid bytes at the end of the original file.
+        damaged: Copy of the original file if bytes were lost; else None.
     """
 
     path: Path
@@ -41,7 +44,7 @@ class Summary:
     damaged: Path | None = None
 
     def text(self) -> str:
-        """Return a summary of the recovered records, for people."""
+        """Return a sentence for people that says what was recovered."""
         if not self.bytes:
             return f"{self.path}: was empty and is removed: its run had recorded nothing"
         if self.whole:
@@ -56,12 +59,12 @@ class Summary:
 
 
 def rewrite(journal: Path) -> Summary:
-    """Replace a journal with a finished recording of its valid content. The caller holds the lock.
+    """Replace a journal with a finished recording of its valid content.
 
-    It accepts any state: a closed journal, a journal that was cut anywhere, and a finished
-    recording, which keeps its content. A file without a complete header becomes an empty recording.
-    The journal is replaced only after the new file was read back from the disk. If bytes are lost,
-    a copy of the journal is kept.
+    The caller must hold the lock of the journal. The journal may be closed or cut off anywhere. The
+    file may also be a finished recording, which keeps its content. A file without a complete header
+    becomes an empty recording. The new file is read and checked before it replaces the journal. If
+    bytes are lost, a copy of the journal is kept.
 
     Raises:
         RecordingError: The file does not exist, is not an MCAP file, or the new file lacks
@@ -75,7 +78,7 @@ def rewrite(journal: Path) -> Summary:
         torn = records.torn
         _check(new, messages)
         damaged = _keep(journal) if torn else None
-        shutil.copystat(journal, new)  # the mode marks a pinned recording, and the time is its age
+        shutil.copystat(journal, new)  # keeps the pin (file mode) and the age of the recording
         os.replace(new, journal)
     finally:
         new.unlink(missing_ok=True)
@@ -85,12 +88,12 @@ def rewrite(journal: Path) -> Summary:
 
 
 def part_of(recording: Path) -> Path:
-    """Return the temporary path of the recording that will replace a journal."""
+    """Return the path of the temporary file that later replaces a journal."""
     return recording.with_name(recording.name + ".part")
 
 
 def _keep(recording: Path) -> Path:
-    """Link a damaged recording to another name, because a finished one will replace it."""
+    """Keep a damaged recording under another name, and return the new path."""
     for number in count(1):
         kept = recording.with_name(f"{recording.name}.damaged{'' if number == 1 else number}")
         with suppress(FileExistsError):
@@ -98,7 +101,7 @@ def _keep(recording: Path) -> Path:
                 os.link(recording, kept)
             except FileExistsError:
                 raise
-            except OSError:  # a file system without hard links
+            except OSError:  # the file system has no hard links
                 _copy(recording, kept)
             break
     return kept
@@ -117,7 +120,12 @@ def _copy(recording: Path, kept: Path) -> None:
 
 
 def write_finished(records: TolerantReader, new: Path) -> int:
-    """Write the records of a file as a finished recording. Return the number of messages."""
+    """Write the valid records of a file to a finished recording. Return the number of messages.
+
+    Args:
+        records: Reader of the original file.
+        new: File to write.
+    """
     from mcap.records import Metadata
     from mcap.writer import Writer
 
@@ -150,7 +158,7 @@ def _check(new: Path, messages: int) -> None:
             summary = make_reader(stream, validate_crcs=True).get_summary()
         indexed = summary.statistics.message_count if summary and summary.statistics else -1
     if not messages == copy.messages == indexed:
-        raise RecordingError(new, f"holds {copy.messages} of {messages} messages; check the disk")
+        raise RecordingError(new, f"has {copy.messages} of {messages} messages; check the disk")
 
 
 def _sync_folder(folder: Path) -> None:
@@ -162,7 +170,7 @@ def _sync_folder(folder: Path) -> None:
 
 
 class Copy:
-    """Copies MCAP records to a writer. Schemas and channels get new numbers."""
+    """Copies MCAP records to a writer of the mcap library. Schemas and channels get new numbers."""
 
     def __init__(self, writer: "Writer") -> None:
         self._writer = writer
@@ -172,7 +180,10 @@ class Copy:
         self._messages = 0
 
     def all(self, records: Iterable[Any]) -> int:
-        """Copy all records except indexes and digests. Return the number of messages so far."""
+        """Copy all records except indexes and digests.
+
+        Returns the number of messages that were copied since the object was created.
+        """
         from mcap import records as mcap
 
         new = self._writer

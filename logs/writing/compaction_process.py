@@ -15,16 +15,17 @@ from weakref import finalize
 from .compaction import Summary, rewrite
 
 _AT_ONCE = 4  # number of parallel compactions; each mostly waits for the disk
-_BEHIND = 10  # niceness of the process
+_BEHIND = 10  # niceness of the process: compaction has a low priority
 _PATH_BYTES, _ANSWER_BYTES = 4096, 65536
-_STOPPED = 1.0  # the process is continued after this time without an answer [s]
+_STOPPED = 1.0  # without an answer for this time [s], the process may be stopped: continue it
 
 
 class CompactionProcess:
-    """A process that compacts recordings. It starts at once, and again if it dies. Thread-safe.
+    """A child process that compacts recordings. Thread-safe.
 
-    It has its own session, so Ctrl-C on the terminal does not reach it. The end of this process
-    closes its socket. It then finishes its compactions and ends.
+    The child starts when the object is created, and again if it dies. It has its own session, so
+    Ctrl-C in the terminal does not reach it. When the parent process ends, the socket between them
+    closes. The child then finishes its compactions and ends.
     """
 
     def __init__(self) -> None:
@@ -32,12 +33,14 @@ class CompactionProcess:
         self._start()
 
     def rewrite(self, journal: Path, lock: int) -> Summary:
-        """Compact a journal like `compaction.rewrite`, or in this process if the other one fails.
+        """Compact a journal as `compaction.rewrite` does.
+
+        If the child process fails, the parent process compacts the journal.
 
         Args:
             journal: The journal.
-            lock: File descriptor that holds the journal's lock. The process shares it, so the
-                journal stays locked until it is compacted, even if this process is killed.
+            lock: File descriptor that holds the journal's lock. The child process shares it, so the
+                journal stays locked until it is compacted, even if the parent process is killed.
 
         Raises:
             RecordingError: The new file lacks messages. The journal is unchanged.
@@ -52,15 +55,15 @@ class CompactionProcess:
 
     @property
     def pid(self) -> int:
-        """Process id."""
+        """Process id of the child process."""
         return self._process.pid
 
     def close(self) -> None:
-        """End the process after its pending compactions."""
+        """End the child process after its pending compactions."""
         self._end()
 
     def _receive(self, answers: socket.socket) -> bytes:
-        """Return the next bytes. Continue the process if it was stopped meanwhile."""
+        """Return the next bytes of the answer. If they take long, continue a stopped process."""
         answers.settimeout(_STOPPED)
         while True:
             try:
@@ -92,18 +95,18 @@ class CompactionProcess:
 
 @cache
 def shared_process() -> CompactionProcess:
-    """Return the compaction process that all code of this process shares."""
+    """Return the one compaction process that the whole program uses."""
     return CompactionProcess()
 
 
 def _end(requests: socket.socket, process: "subprocess.Popen[bytes]") -> None:
     requests.close()
-    process.send_signal(signal.SIGCONT)  # a stopped process would never end
+    process.send_signal(signal.SIGCONT)  # a process that SIGSTOP has stopped would never end
     process.wait()
 
 
 def _serve(requests: socket.socket) -> None:
-    """Answer each request with a summary, or with no bytes if compaction failed."""
+    """Answer each request with a pickled Summary, or with no bytes if compaction failed."""
     while True:
         message, descriptors, *_ = socket.recv_fds(requests, _PATH_BYTES, 2)
         if not message:

@@ -1,4 +1,4 @@
-"""The journal: the file of a run while it is written, without chunks, piece by piece."""
+"""The journal: the file of a run while records are added. It consists of pieces, without chunks."""
 
 import os
 import tempfile
@@ -25,7 +25,7 @@ from logs.records.records import Attachment, Description, Item, Note, Record
 from logs.records.ros_types import schema, type_hash
 from logs.records.topics import ROSBAG2, TOPICS, Topic, offered_qos, topics_of
 
-# Reserved space for the end of a run: its last records, and the compaction of a journal of 2 MB.
+# Reserved disk space for the end of a run: for its last records, and to compact a journal of 2 MB.
 _RESERVE = 1 << 20  # [bytes]
 
 _SEQUENCE_BITS = 0xFFFFFFFF
@@ -42,10 +42,11 @@ class _Channel:
 
 
 class Journal:
-    """Writes each record immediately; `kill -9` loses at most the record being written.
+    """Writes the journal of a run. Not thread-safe.
 
-    Not thread-safe. A closed journal is a complete MCAP file without a summary. An open journal is
-    the valid beginning of such a file. `compaction.rewrite` makes the final recording from either.
+    Each record is written immediately; `kill -9` loses at most the record that is being written. A
+    closed journal is a complete MCAP file without a summary. An open journal is the beginning of
+    such a file. `compaction.rewrite` makes a finished recording from an open or closed journal.
     """
 
     def __init__(self, stream: BufferedWriter, epoch_ns: int) -> None:
@@ -53,7 +54,7 @@ class Journal:
 
         Args:
             stream: The new file. The journal closes it.
-            epoch_ns: UTC at the zero of the records' clock [ns].
+            epoch_ns: UTC time at time 0 of the records' clock [ns since 1970].
 
         Raises:
             OSError: The stream cannot be written.
@@ -66,16 +67,16 @@ class Journal:
         self._file.write(checked(_head(epoch_ns)))
 
     def write(self, *items: Item) -> None:
-        """Write attachments, notes, and the messages of records, as one piece.
+        """Write items as one piece: attachments, notes, and the messages of records.
 
         Raises:
             OSError: The disk is full or failed.
-            Exception: A record cannot be converted. Nothing was written.
+            Exception: A record cannot be converted. Nothing is written.
         """
         self._file.write(checked(b"".join(map(self._encoded, items))))
 
     def finish(self) -> None:
-        """Write the end, sync the file to the disk and close it.
+        """Write the end of the file, sync the file to the disk and close it.
 
         Raises:
             OSError: The disk is full or failed.
@@ -85,16 +86,19 @@ class Journal:
 
     @property
     def closed(self) -> bool:
-        """True after `finish` and after a failed write. Nothing more can then be written."""
+        """True after `finish` or a failed write. A closed journal accepts no more items."""
         return self._file.closed
 
     @property
     def full(self) -> bool:
-        """True if the disk is full, except for the reserve for the end of the run."""
+        """True if the disk was full, so that the end of the run uses the reserved space."""
         return self._file.full
 
     def write_time(self) -> float:
-        """Return the duration of writes since the last call [s], including an unfinished write."""
+        """Return the total duration of writes since the last call of this method [s].
+
+        An unfinished write counts up to now.
+        """
         return self._file.write_time()
 
     def _encoded(self, item: Item) -> bytes:
@@ -136,17 +140,17 @@ class Journal:
 class PieceWriter:
     """Appends pieces to a file. A piece is written as a whole, or not at all.
 
-    It reserves disk space. When the disk is full, it frees the reserve for the last pieces.
+    It reserves disk space. When the disk is full, it frees this space for the last pieces.
 
     Attributes:
-        full: True if the disk is full and the reserve was freed.
+        full: True if the disk was full and the reserved space was freed.
     """
 
     def __init__(self, stream: BufferedWriter) -> None:
-        """Take over a new, empty file.
+        """Take ownership of a new, empty file, and reserve disk space.
 
         Args:
-            stream: The file. Only its descriptor is used.
+            stream: The file. Only its file descriptor is used.
         """
         self.full = False
         self._stream = stream
@@ -158,11 +162,11 @@ class PieceWriter:
             finalize(self, self._reserve.close)
 
     def write(self, data: bytes) -> None:
-        """Pass a piece to the operating system.
+        """Write a piece with the operating system's `write`, without a sync to the disk.
 
         Raises:
-            OSError: The disk failed, or is full even without the reserve. The file is closed and
-                ends with the previous piece.
+            OSError: The disk failed, or is full although the reserved space was freed. The file is
+                closed, and ends with the previous piece.
         """
         try:
             self._write(data)
@@ -192,14 +196,17 @@ class PieceWriter:
 
     @property
     def closed(self) -> bool:
-        """True if nothing more can be written."""
+        """True after `close` or a failed write."""
         return self._stream.closed
 
     def write_time(self) -> float:
-        """Return the duration of writes since the last call [s], including an unfinished write."""
+        """Return the total duration of writes since the last call of this method [s].
+
+        An unfinished write counts up to now.
+        """
         began = self._began
         so_far = time.monotonic() - began if began is not None else 0.0
-        # The end of the write adds its whole duration.
+        # At its end, an unfinished write adds its whole duration. Subtract the part counted now.
         spent, self._spent = self._spent + so_far, -so_far
         return spent
 
@@ -231,7 +238,7 @@ class PieceWriter:
 
 
 def _reserve(folder: Path) -> IO[bytes] | None:
-    """Allocate disk space in a file without a name, so that a crash leaves no file.
+    """Reserve disk space with a temporary file that has no name, so that no crash leaves it behind.
 
     Returns:
         The file, or None if the disk has too little space. Closing the file frees the space.
@@ -255,10 +262,10 @@ def _described(topic: Topic, name: str, number: int) -> mcap.Channel:
 
 @lru_cache(maxsize=1)
 def _head(epoch_ns: int) -> bytes:
-    """Return the bytes that begin a journal: magic, header, metadata, schemas and channels.
+    """Return the first bytes of a journal: magic, header, metadata, schemas and channels.
 
     Args:
-        epoch_ns: UTC at time 0 of the records' clock [ns since 1970].
+        epoch_ns: UTC time at time 0 of the records' clock [ns since 1970].
     """
     schemas = (
         mcap.Schema(number, schema(name).encode(), "ros2msg", name)
@@ -283,5 +290,5 @@ def _bytes(*records: mcap.McapRecord) -> bytes:
 
 @lru_cache(maxsize=1)
 def _kinematics(urdf: str) -> ForwardKinematics:
-    """Return the kinematics of a URDF. Cached, because recordings of a server share a robot."""
+    """Return the kinematics of a URDF. Cached: all recordings of a server have the same robot."""
     return ForwardKinematics(Urdf(urdf).checked())

@@ -1,4 +1,4 @@
-"""The recorder: takes records from any thread, and writes them in its own thread."""
+"""The recorder: accepts records from any thread, and writes them to a file in another thread."""
 
 import errno
 import fcntl
@@ -31,10 +31,11 @@ if TYPE_CHECKING:
 
 _log = logging.getLogger(__name__)
 
-# Longest time between writing a record and syncing it to the disk [s].
+# Longest time from the write of a record to its sync to the disk [s].
 FSYNC_S = 1.0
 
-# Longest time to create the first file [s]. Imports are slow on a busy machine.
+# Longest time to write the first bytes of a file [s]. The first recorder of a process imports
+# libraries for this, which is slow on a busy machine.
 _BEGIN_S = 10.0
 
 Job = Callable[[], object]
@@ -44,8 +45,8 @@ class Recorder:
     """Records one run into one file, without blocking the run.
 
     All recorders of a process share two threads: one writes, and one syncs files to the disk.
-    During the run the file is a locked journal. Each record is passed to the operating system at
-    once, and synced to the disk within `FSYNC_S`. `close` makes the final recording from the
+    During the run, the file is a locked journal. Each record is written to the operating system at
+    once, and synced to the disk within `FSYNC_S`. `close` makes the finished recording from the
     journal.
     """
 
@@ -54,9 +55,9 @@ class Recorder:
 
         Args:
             path: The new file. Its folder must exist.
-            epoch_ns: UTC at the zero of the records' clock [ns].
-            on_failure: Callback for the first error, or for a full disk. The recorder's thread
-                calls it once. It must not close the recorder.
+            epoch_ns: UTC time at time 0 of the records' clock [ns since 1970].
+            on_failure: Callback for the first error; a full disk also counts as an error. A thread
+                of the recorder or `close` calls it. The callback must not close the recorder.
 
         Raises:
             RecordingExists: A file of that name exists.
@@ -65,8 +66,8 @@ class Recorder:
         self.path = path
         self._epoch_ns = epoch_ns
         self._on_failure = on_failure
-        # Frames that were put, and that were written. A comparison shows the streamer that all are
-        # written; a question to the writing thread takes 40 us, and 3 ms beside a busy thread.
+        # Numbers of frames that were put, and that were written. The streamer compares them to see
+        # that all are written. To ask the writing thread takes 40 us, or 3 ms if a thread is busy.
         self._sent = self._kept = 0
         self._lost = 0
         self._cause: Exception | None = None
@@ -77,16 +78,16 @@ class Recorder:
         self._unsynced, self._syncing = False, threading.Lock()
         self._slow = False  # True if a warning of a slow disk was logged
         stream = _create(path)
-        self._file = os.dup(stream.fileno())  # keeps the lock until the final recording is made
+        self._file = os.dup(stream.fileno())  # holds the lock until the finished recording is made
         self._jobs, self._syncs = _queue("recorder"), _queue("fsync")
         self._jobs.put(partial(self._begin, stream))
 
     def put(self, *items: Item) -> None:
-        """Record items without blocking or raising. Does nothing after `close`.
+        """Queue items for writing. It never blocks or raises, and does nothing after `close`.
 
         Args:
-            items: Items to write as one piece. Only the streamer's thread puts a frame (`Sent`),
-                and a frame is the only item of its call.
+            items: Items to write as one piece. Only the streamer's thread may put a frame (`Sent`),
+                and then without other items.
         """
         if isinstance(items[0], Sent):
             self._sent += 1
@@ -94,22 +95,24 @@ class Recorder:
 
     @property
     def failed(self) -> bool:
-        """True after an error. What is put later is lost."""
+        """True after an error. Items that are put after the error may be lost."""
         return self._cause is not None
 
     @property
     def begun(self) -> bool:
-        """True if the file was created, or could not be created."""
+        """True after the first bytes of the file were written, also if this failed."""
         return self._begun.is_set()
 
     def caught_up(self, timeout: float) -> bool:
-        """Return True if all frames were written to the operating system.
+        """Wait until all frames so far were written to the operating system.
 
-        Waits for this if necessary. The first call also waits until the file is created. Returns
-        False after an error.
+        The first call also waits until the first bytes of the file are written.
 
         Args:
-            timeout: Longest time to wait [s].
+            timeout: Longest time to wait for the frames [s].
+
+        Returns:
+            True if all frames were written; False after an error or the timeout.
         """
         begun = self.begun or self._begun.wait(_BEGIN_S)
         if self._cause is not None:
@@ -125,14 +128,17 @@ class Recorder:
             timeout: Longest time to wait [s].
 
         Returns:
-            False if the time was too short.
+            True if all items were written or lost; False if the timeout expired.
         """
         mark = threading.Event()
         self._jobs.put(mark.set)
         return mark.wait(timeout)
 
     def write_time(self) -> float:
-        """Return the duration of writes since the last call [s], also of an unfinished one."""
+        """Return the total duration of writes since the last call of this method [s].
+
+        An unfinished write counts up to now.
+        """
         journal = self._journal
         return journal.write_time() if journal else 0.0
 
@@ -140,21 +146,24 @@ class Recorder:
         """Wait until all items so far were written to the operating system.
 
         Raises:
-            RecordingIncomplete: The items could not be written, or not in time.
+            RecordingIncomplete: An item could not be written, or the disk is too slow.
         """
         caught_up = self.wait()
         if cause := self._cause or (None if caught_up else TimeoutError("the disk is too slow")):
             raise RecordingIncomplete(self.path, None, cause)
 
     def close(self, compaction: "CompactionProcess | None" = None) -> Summary:
-        """Write the queued items, and make the final recording.
+        """Write the queued items, and make the finished recording.
 
         Args:
-            compaction: Process that makes the final recording; None to make it in this process.
+            compaction: Process that makes the finished recording; None for this process.
+
+        Returns:
+            A summary of the finished recording.
 
         Raises:
-            DiskFull: The disk is full, but nothing is missing from the file.
-            RecordingIncomplete: Records are missing from the file, or the file stayed a journal.
+            DiskFull: The disk is full, but no record is missing from the file.
+            RecordingIncomplete: Records are missing from the file, or the file is still a journal.
         """
         if not self._closed:
             self._closed = True
@@ -165,7 +174,7 @@ class Recorder:
             self._summary = self._compact(compaction)
             with self._syncing:
                 if self._summary is None and not os.fstat(self._file).st_size:
-                    self.path.unlink(missing_ok=True)  # an empty file is no recording
+                    self.path.unlink(missing_ok=True)  # an empty file is not a recording
                 os.close(self._file)
         if self._cause is not None:
             raise self._error(self._cause) from self._cause
@@ -227,7 +236,7 @@ class Recorder:
             self._unsynced, begin = False, time.monotonic()
             try:
                 os.fsync(self._file)
-                # At the end, the complete recording takes the name of this file.
+                # A file without links was deleted. At the end, the finished recording replaces it.
                 if not os.fstat(self._file).st_nlink and not self._ended.is_set():
                     raise FileNotFoundError(errno.ENOENT, "it was deleted", str(self.path))
             except OSError as cause:
@@ -235,7 +244,11 @@ class Recorder:
         self._warn_of(time.monotonic() - begin)
 
     def _warn_of(self, duration: float) -> None:
-        """Log once that the disk is slow, after a sync of this duration [s]. No frame waits."""
+        """Log a warning once if a sync took long. The stream of frames does not wait for a sync.
+
+        Args:
+            duration: Duration of the sync [s].
+        """
         if duration > FSYNC_S and not self._slow:
             self._slow = True
             _log.warning(
@@ -295,13 +308,18 @@ def _is_at(path: Path, stream: BufferedWriter) -> bool:
 
 @cache
 def _queue(name: str) -> SimpleQueue[Job]:
-    """Return the queue of a thread that all recorders share, because a new thread delays a goal."""
+    """Return the job queue of a thread that all recorders share. A new thread would delay a goal.
+
+    Args:
+        name: Name of the thread. The first call with a name starts the thread.
+    """
     jobs = SimpleQueue[Job]()
 
     def work() -> None:
         while True:
             jobs.get()()
 
-    # A daemon thread: a process that ends without `close` leaves a journal, which can be recovered.
+    # A daemon thread does not delay the end of the process. Without `close`, the file stays a
+    # journal, which can be recovered.
     threading.Thread(target=work, name=name, daemon=True).start()
     return jobs

@@ -13,12 +13,12 @@ from .compaction import Summary, part_of, rewrite, write_finished
 
 
 def recover(recording: Path) -> Summary | None:
-    """Make a finished recording from the valid part of a journal or of a damaged recording.
+    """Replace a journal or a damaged recording with a finished recording of its valid part.
 
     An empty file of armtree is removed, because its process was killed before the first record.
 
     Returns:
-        A summary of the recovered records and lost bytes; None if the recording is complete.
+        A summary of the recovered records and lost bytes; None if the recording was complete.
 
     Raises:
         RecordingInUse: The file is being written.
@@ -31,7 +31,11 @@ def recover(recording: Path) -> Summary | None:
 
 
 def copy_valid(recording: Path, copy: Path) -> int:
-    """Write a finished recording of the valid part of a file, also while it is being written.
+    """Write the valid part of a recording to another file, as a finished recording.
+
+    Args:
+        recording: The recording. It may be in use by a run that still writes it.
+        copy: File to write.
 
     Returns:
         The number of messages.
@@ -53,11 +57,11 @@ def copy_valid(recording: Path, copy: Path) -> int:
 def recover_all(folder: Path) -> Iterator[Summary | LogError | OSError]:
     """Recover all unfinished recordings of a folder, and remove partial copies.
 
-    It reads only the ends of each file, so it is fast if there is nothing to do. It ignores files
-    that are being written, and files of other programs, because these take no lock.
+    Reads only the beginning and the end of a finished file, so it is fast. Ignores files that are
+    being written. Ignores files of other programs: those take no lock, so they may be in use.
 
     Yields:
-        A summary of each recovered file, or the error if it could not be recovered.
+        A summary of each recovered file; an error if a file could not be recovered.
     """
     for part in folder.glob("*.mcap.part"):
         with suppress(LogError, OSError):  # a remaining copy is harmless
@@ -81,7 +85,11 @@ def _finished(recording: Path) -> Summary:
 
 
 def _remove_part(part: Path) -> None:
-    """Remove the partial copy of an earlier compaction, unless a compaction is running."""
+    """Remove the temporary file of an interrupted compaction.
+
+    Raises:
+        RecordingInUse: The recording is locked, so a compaction may still write the file.
+    """
     recording = part.with_suffix("")
     if part.exists() and recording.exists():
         with locked(recording):

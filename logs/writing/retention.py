@@ -13,19 +13,20 @@ from logs.reading.file_state import is_complete, is_ours, locked
 from logs.reading.tolerant_reader import TolerantReader
 
 _DAY = 86400.0  # a day [s]
-_WRITE = 0o222  # write permission in a file's mode, for any user
-_PICTURES = (".png", ".svg", ".pdf")  # suffixes of pictures beside a recording, with its name
+_WRITE = 0o222  # write permissions of all users in a file's mode
+_PICTURES = (".png", ".svg", ".pdf")  # pictures of a recording have its name with such a suffix
 _DAMAGED = "*.mcap.damaged*"  # copies of damaged recordings
 _DELETED = ".deleted"  # suffix of a deleted recording that can be restored
 
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """Rule for the recordings that may be deleted. If both limits are None, none may be deleted.
+    """Rule that says which recordings are deleted. It deletes none if both limits are None.
 
     Attributes:
-        days: Delete recordings older than this [days].
-        megabytes: Delete the oldest recordings until the total size is at most this [MB].
+        days: Largest age [days]; older recordings are deleted. None for no limit.
+        megabytes: Largest total size [MB]; the oldest recordings above it are deleted. None for no
+            limit.
     """
 
     days: float | None
@@ -35,8 +36,8 @@ class Rule:
 def prune(folder: Path, rule: Rule, utc: float, dry_run: bool = False) -> Iterator[Path]:
     """Delete the recordings that a rule selects, oldest first, with their pictures.
 
-    It never deletes a recording that is pinned, unfinished, being written or of another program. A
-    copy of a damaged recording counts as a recording.
+    Pinned and unfinished recordings, recordings that are being written, and files of other programs
+    are never deleted. A copy of a damaged recording counts as a recording.
 
     Args:
         folder: Folder with recordings.
@@ -45,7 +46,7 @@ def prune(folder: Path, rule: Rule, utc: float, dry_run: bool = False) -> Iterat
         dry_run: True to delete nothing.
 
     Yields:
-        Each deleted file; with `dry_run`, each file that would be deleted.
+        The path of each deleted file; with `dry_run`, of each file that would be deleted.
     """
     files = list(_files(folder))
     left = sum(facts.st_size for facts, _ in files)
@@ -58,11 +59,11 @@ def prune(folder: Path, rule: Rule, utc: float, dry_run: bool = False) -> Iterat
 
 
 def delete(recording: Path) -> None:
-    """Mark a finished recording as deleted. It is not listed any more, and `purge` deletes it.
+    """Rename a finished recording, so that it is no longer listed and `purge` can remove it.
 
     Raises:
         RecordingInUse: The recording is being written.
-        RecordingKept: The recording is pinned, is unfinished, or is of another program.
+        RecordingKept: The recording is pinned or unfinished, or another program wrote the file.
         RecordingError: The recording does not exist.
         OSError: The folder cannot be changed.
     """
@@ -76,10 +77,11 @@ def delete(recording: Path) -> None:
 
 
 def restore(recording: Path) -> None:
-    """Undo `delete`.
+    """Restore a recording that `delete` renamed.
 
     Raises:
-        RecordingError: The recording was not deleted, or was deleted for good.
+        RecordingError: The recording was not deleted, `purge` has removed it, or a file of its name
+            exists.
         OSError: The folder cannot be changed.
     """
     try:
@@ -91,7 +93,7 @@ def restore(recording: Path) -> None:
 
 
 def purge(folder: Path, before: float) -> None:
-    """Remove the files of deleted recordings in a folder, and their pictures. See `delete`.
+    """Remove the recordings in a folder that `delete` has renamed, and their pictures.
 
     Args:
         folder: Folder with recordings.
@@ -115,15 +117,15 @@ def _pictures(recording: Path) -> list[Path]:
 
 
 def pin(recording: Path, on: bool) -> None:
-    """Protect a recording from deletion by removing its write permission (`chmod -w`).
+    """Pin a recording: protect it from deletion by removing its write permission (`chmod -w`).
 
     Args:
         recording: The file.
-        on: False to allow deletion again.
+        on: True to pin the recording, False to allow its deletion again.
 
     Raises:
-        RecordingError: The file does not exist, or is not a recording.
-        OSError: The file belongs to another user, or its file system has no permissions.
+        RecordingError: The file does not exist, or is not an MCAP file.
+        OSError: The file belongs to another user, or the file system has no write permissions.
     """
     TolerantReader(recording)
     mode = recording.stat().st_mode
@@ -134,7 +136,7 @@ def pin(recording: Path, on: bool) -> None:
 
 
 def pinned(recording: Path) -> bool:
-    """Return True if a recording is protected from deletion."""
+    """Return True if a recording is pinned, so that it is not deleted."""
     return not recording.stat().st_mode & _WRITE
 
 
@@ -145,10 +147,15 @@ def _files(folder: Path) -> Iterator[tuple[os.stat_result, Path]]:
 
 
 def _delete(path: Path, dry_run: bool) -> list[Path]:
-    """Delete a recording of armtree and its pictures, if it is finished.
+    """Delete a finished recording of armtree and its pictures.
+
+    Args:
+        path: The recording, or a copy of a damaged recording.
+        dry_run: True to delete nothing.
 
     Returns:
-        The deleted files, or those that would be deleted.
+        The deleted files, or with `dry_run` the files that would be deleted. Empty if the recording
+        may not be deleted.
     """
     files = [path, *_pictures(path)]
     try:

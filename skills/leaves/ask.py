@@ -16,7 +16,7 @@ _CHOICES = ["yes", "no"]
 
 
 class Ask(Skill):
-    """Ask the operator and wait. Fail without an answer, or if it is not the wanted one."""
+    """Ask the operator and wait for the answer. Fail if there is none, or not the wanted one."""
 
     validates_partial = True
     phase = "asking"
@@ -67,7 +67,7 @@ class Ask(Skill):
         return self.on_running()
 
     def on_running(self) -> Status:
-        """Check for the answer, then for the deadline."""
+        """Process the answer if there is one. Fail if the deadline has passed."""
         question = self._question
         assert question
         if question.answered is not None:
@@ -82,6 +82,7 @@ class Ask(Skill):
         return Status.RUNNING
 
     def on_halt(self) -> None:
+        """Remove the question from the operator's view."""
         if self._question:
             self.context.operator.withdraw(self._question)
 
@@ -90,7 +91,8 @@ class Ask(Skill):
         self._set_output("answer", answer)
         self.feedback_message = f"{self.get_input('question')}: {answer}"
         if (wanted := self.get_input("wanted")) and answer != wanted:
-            raise ConditionFails(f"{self.get_input('question')}: {answer}, and not {wanted}")
+            why = f"the answer is {answer}; only {wanted} succeeds"
+            raise ConditionFails(f"{self.get_input('question')}: {why}")
         return Status.SUCCESS
 
 

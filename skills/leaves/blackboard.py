@@ -1,4 +1,4 @@
-"""Leaves for keys of the blackboard: write a key, compare two values."""
+"""Leaves that write a key of the blackboard, and compare two values."""
 
 import operator
 from collections.abc import Callable, Mapping
@@ -52,7 +52,7 @@ class Compare(Skill):
 
     @classmethod
     def mistyped(cls, inputs: Mapping[str, Any], types: Mapping[str, str]) -> str:
-        """Return an error if two texts are compared by order."""
+        """Return an error if a text is compared by order (`<`, `<=`, `>`, `>=`), else ""."""
         text = "text" in (types.get("left"), types.get("right"))
         return _NO_ORDER if text and inputs.get("is") in _ORDER else ""
 

@@ -32,10 +32,10 @@ def _length(name: str) -> Port:
 _BODY = PortInformation(str, description="name of the body")
 _PLACE: Ports = {
     "body": _BODY,
-    "position": vector("x, y, z of its centre in the frame of the robot's root [m]", "m"),
+    "position": vector("x, y, z of the body's centre in the frame of the robot's root [m]", "m"),
     "rotation": vector("rotation about x, then y, then z [rad]", "rad", ORIGIN),
     "touches": PortInformation(
-        list[str], default_value=[], description="links, bodies or floor that it may touch"
+        list[str], default_value=[], description="links, bodies or floor that the body may touch"
     ),
 }
 
@@ -44,7 +44,7 @@ class _Add(Skill, register=False):
     """Add a body to the world, or replace the body of the same name.
 
     Attributes:
-        form: Class of its shape. The arguments are the inputs outside of `_PLACE`, in order.
+        form: Class of the body's shape. Its arguments are the inputs that are not in `_PLACE`.
     """
 
     world_change = WorldChange.ADDS
@@ -52,7 +52,7 @@ class _Add(Skill, register=False):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Create the body if all inputs are known, and compare its size with the arm."""
+        """Check the body if all inputs are known. Check that known lengths are not too large."""
         cls.body(inputs)
         most = MOST_REACHES * robot.reach
         errors = []
@@ -106,7 +106,7 @@ class AddSphere(_Add):
 
 
 class AddCylinder(_Add):
-    """Add a cylinder to the world. Its axis is z before the rotation."""
+    """Add a cylinder to the world. Before the rotation, its axis is the z axis."""
 
     form = Cylinder
     INPUT_PORTS = {**_PLACE, "radius": _length("radius"), "length": _length("length")}
@@ -122,12 +122,12 @@ class AddMesh(_Add):
             str,
             description="STL, DAE or OBJ file; a closed mesh is solid, an open mesh is a surface",
         ),
-        "scale": vector("unit of the file along x, y, z [m]", "m", (1.0, 1.0, 1.0), _LEAST),
+        "scale": vector("size of a unit of the file in x, y, z [m]", "m", (1.0, 1.0, 1.0), _LEAST),
     }
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
-        """Check the file if it is known."""
+        """Check the file if its name is known, and check the other inputs."""
         errors: list[Exception] = []
         if "file" in inputs and (why := _file_error(Path(inputs["file"]))):
             errors.append(BadBody(why).at("file"))
@@ -139,7 +139,7 @@ class AddMesh(_Add):
 
 
 def _file_error(file: Path) -> str:
-    """Return the error of a mesh file, or "" if it may be valid."""
+    """Return the error of a mesh file as words, or "" if the file exists and has a known suffix."""
     if file.suffix.lower() not in _MESHES:
         return f"{file} is not an STL, DAE or OBJ file"
     if not file.is_file():
@@ -161,12 +161,16 @@ class RemoveBody(Skill):
 
 
 class _SetParent(PlanningSkill, register=False):
-    """Make another link the parent of a body."""
+    """A skill that attaches a body to another link, at its current pose."""
 
     world_change = WorldChange.ATTACHES
 
     def set_parent(self, link: str) -> Status:
-        """Request the pose of the body in the frame of a link from a worker; "" is the root."""
+        """Request the body, attached to another link, from a worker. Return RUNNING.
+
+        Args:
+            link: Name of the new link; "" for the robot's root.
+        """
         scene, name = self.context.scene, self.get_input("body")
         scene.world.body(name)
         return self.request(
@@ -174,6 +178,7 @@ class _SetParent(PlanningSkill, register=False):
         )
 
     def on_answer(self, answer: Result) -> Status:
+        """Replace the body in the world by the body that the worker returned."""
         if isinstance(answer, MotionError):
             raise answer
         assert isinstance(answer, Body)
@@ -182,12 +187,13 @@ class _SetParent(PlanningSkill, register=False):
 
 
 class Attach(_SetParent):
-    """Attach a body to a link, as after a grasp. It moves and is checked with the link."""
+    """Attach a body to a link, as after a grasp. The body then moves with the link."""
 
-    INPUT_PORTS = {"body": _BODY, "link": PortInformation(str, description="link to attach it to")}
+    INPUT_PORTS = {"body": _BODY, "link": PortInformation(str, description="link for the body")}
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+        """Check that the robot has the link, if its name is known."""
         if "link" in inputs:
             refuse(link_errors(robot, "link", inputs["link"]))
 
@@ -202,10 +208,10 @@ class Detach(_SetParent):
     INPUT_PORTS = {"body": _BODY}
 
     def on_start(self) -> Status:
-        """Detach the body.
+        """Detach the body from its link.
 
         Raises:
-            BadWorld: The body is attached to no link.
+            BadWorld: The body is not attached to a link.
         """
         body = self.context.scene.world.body(self.get_input("body"))
         if not body.link:

@@ -14,7 +14,7 @@ from skills.ports import Positions
 
 
 class CheckBounds(Skill):
-    """Check a target of both groups; fail if a joint is missing or outside its limits."""
+    """Check targets of both groups, and join them. Fail if a joint is missing or out of limits."""
 
     validates_partial = True
     copies_targets = True
@@ -36,13 +36,14 @@ class CheckBounds(Skill):
 
     @classmethod
     def poses(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
-        """Return the goal if both targets are known."""
+        """Return the goal if both targets are known, else an empty list."""
         if any(group not in inputs for group in cls.INPUT_PORTS):
             return []
         targets = {group: inputs[group] for group in cls.INPUT_PORTS}
         return [tuple(joined(robot, targets).values())]
 
     def on_start(self) -> Status:
+        """Check both targets, and write them as one goal."""
         targets = {group: self.get_input(group) for group in self.INPUT_PORTS}
         check_targets(self.context.robot, targets)
         self._set_output("goal", joined(self.context.robot, targets))

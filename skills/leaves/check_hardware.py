@@ -1,4 +1,4 @@
-"""A condition on the state of the arm."""
+"""A condition: the arm is active."""
 
 from py_trees.common import Status
 

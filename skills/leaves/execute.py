@@ -9,7 +9,7 @@ from skills.streamed_motion import StreamedMotion
 
 
 class Execute(StreamedMotion):
-    """Check the frames of a motion, then stream them. Succeed when the last frame is executed."""
+    """Check the frames of a motion, then send them. Succeed when the last frame is executed."""
 
     INPUT_PORTS = {
         "arm_plan": PortInformation(Plan, description="the arm's motion"),
@@ -22,6 +22,6 @@ class Execute(StreamedMotion):
     }
 
     def compile_motion(self, start: tuple[float, ...]) -> tuple[Schedule, MergedMotion | None]:
-        """Return the frames of the plans, and their motion."""
+        """Return the schedule of frames for both plans, and the merged motion."""
         plans: list[Plan] = [self.get_input("arm_plan"), self.get_input("gripper_plan")]
         return self.merge(start, plans, self.get_input("together"))

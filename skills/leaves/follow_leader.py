@@ -18,15 +18,15 @@ from skills.ports import Port
 
 logger = logging.getLogger(__name__)
 
-_PROBE = {"rad": math.radians(3), "m": 0.003}  # free distance of a joint that is shown as free
-_QUIET = 1.0  # least time between two lines in the log [s]
+_PROBE = {"rad": math.radians(3), "m": 0.003}  # a joint that can move this far is shown as free
+_QUIET = 1.0  # shortest time between two lines in the log [s]
 
 
 class FollowLeader(Skill):
     """Follow the joints of a leader until a person ends this. The arm stops before a collision.
 
-    Every period of frames it moves towards the leader, within the limits of velocity and
-    acceleration. Each step is checked for collision before it is sent.
+    In each period of frames, the arm makes a step towards the leader, within the limits of velocity
+    and acceleration. Each step is checked for collision before it is sent.
     """
 
     moves = True
@@ -43,10 +43,10 @@ class FollowLeader(Skill):
     }
 
     _playback: Playback | None = None
-    _checks: tuple[PlannerJob, ...] = ()  # checks of the next step, or of each joint alone
-    _contact = ""  # cause of a blocked step, while `_checks` are of each joint alone
+    _checks: tuple[PlannerJob, ...] = ()  # check of the next step, or one check per probe
+    _contact = ""  # cause of a blocked step, while `_checks` are those of probes
     _blocked = False
-    _origin: tuple[float, ...] | None  # pose when it began to follow: contacts may not deepen
+    _origin: tuple[float, ...] | None  # start of following: contacts there may not become deeper
     _start: tuple[float, ...]
     _schedule: Schedule
     _generation: int
@@ -56,11 +56,11 @@ class FollowLeader(Skill):
 
     @property
     def busy(self) -> bool:
-        """True while a planner works for it or the arm moves."""
+        """True while a planner checks a step or the arm moves."""
         return self._playing or any(not check.done for check in self._checks)
 
     def on_start(self) -> Status:
-        """Begin from standstill."""
+        """Start to follow, from standstill."""
         robot = self.context.robot
         self._period, self._due = 1 / robot.firmware.rate, self.context.now()
         self._quiet_until = -math.inf  # time of the next allowed line in the log [s]
@@ -68,7 +68,7 @@ class FollowLeader(Skill):
         return self.on_running()
 
     def on_running(self) -> Status:
-        """Take the next step when the previous one is done."""
+        """Start the next step when the previous step is done and the next period begins."""
         if self.busy:
             return Status.RUNNING
         if self._playback:
@@ -93,6 +93,7 @@ class FollowLeader(Skill):
         self._rest()
 
     def on_halt(self) -> None:
+        """Stop the arm, and cancel pending checks."""
         for check in self._checks:
             check.cancel()
         if self._playing:
@@ -100,14 +101,18 @@ class FollowLeader(Skill):
         self.context.leader.show(None)
 
     def _rest(self) -> None:
-        """Drop the current step, because the arm is at rest."""
+        """Reset everything about the current step, because the arm stands still."""
         self._origin, self._playback, self._checks = None, None, ()
         self._contact, self._blocked = "", False
         self._velocity = [0.0] * len(self.context.robot.actuated)  # last velocity [rad/s]
         self._gripping = set[int]()  # columns of grippers that push against an object
 
     def _step(self, target: Sequence[float]) -> None:
-        """Request a check of the next step towards the leader."""
+        """Request a check of the next step towards the leader.
+
+        Args:
+            target: Positions of the leader, one per actuated joint [rad].
+        """
         arm, wire = self.context.arm, self.context.robot.wire_format
         start, self._generation = arm.commanded, arm.generation
         self._origin = self._origin or start
@@ -122,12 +127,13 @@ class FollowLeader(Skill):
         self._checks = (self._check(start, positions),)
 
     def _ahead(self, start: Sequence[float], target: Sequence[float]) -> tuple[float, ...]:
-        """Return the joint positions after one period: towards the leader, within their limits.
+        """Return the commanded positions after the next period: a step towards the leader.
 
-        Each joint is slow enough to stop at the leader's position. All of them together stay within
-        `acceleration_sum` at any time, because each one has its share of it. A gripper that pushes
-        against an object gets a target at most `squeeze_deg` from its measured position, so that
-        its servo is not overloaded. This ends when the leader is that near.
+        Each joint stays so slow that it can stop at the leader's position. The sum of the
+        accelerations stays within `acceleration_sum`, because each joint uses only its share. If a
+        gripper pushes against an object, its target is at most `squeeze_deg` from its measured
+        position, so that its servo is not overloaded. This ends when the leader is nearer than
+        `squeeze_deg`.
         """
         speed, period, positions = self.get_input("speed"), self._period, []
         robot, measured = self.context.robot, self.context.arm.measured
@@ -155,7 +161,7 @@ class FollowLeader(Skill):
         return tuple(positions)
 
     def _check(self, start: tuple[float, ...], end: tuple[float, ...]) -> PlannerJob:
-        """Request a check of a straight motion, with the margin of every plan."""
+        """Request a collision check of a straight motion, with the margin that plans guarantee."""
         context = self.context
         margin = 0.5 * context.robot.collision.margin
         world = context.scene.world
@@ -163,7 +169,7 @@ class FollowLeader(Skill):
         return PlannerJob(context, verify)
 
     def _process_checks(self) -> None:
-        """Send the step if it is free. Else request checks of each joint alone."""
+        """Send the step if it is free of collisions. Else request the checks of all probes."""
         answers, self._checks = [check.answer for check in self._checks], ()
         collides = [isinstance(answer, MotionCollides) for answer in answers]
         for answer, known in zip(answers, collides, strict=True):
@@ -181,7 +187,7 @@ class FollowLeader(Skill):
             self._play()
 
     def _probes(self) -> Iterator[tuple[float, ...]]:
-        """Yield the position with each joint moved a little down, and a little up."""
+        """Yield the probes: configurations with only one joint moved, a little down or up."""
         for column, joint in enumerate(self.context.robot.actuated):
             for way in (-1, 1):
                 end = list(self._start)
@@ -189,7 +195,12 @@ class FollowLeader(Skill):
                 yield tuple(end)
 
     def _show(self, contact: str, free: Sequence[bool]) -> None:
-        """Show the cause of the block, and the free directions."""
+        """Show and log why the arm does not follow, and the free directions.
+
+        Args:
+            contact: The two bodies that would come too close, in words.
+            free: True for each probe without collision.
+        """
         joints = self.context.robot.actuated
         ways = {
             joint.name: (
@@ -213,7 +224,7 @@ class FollowLeader(Skill):
         self._playback = context.arm.play(self._schedule, context.wake, self.name, self._generation)
 
     def _finish(self, playback: Playback) -> None:
-        """End the step; raise an error if it was not sent."""
+        """End the step. Raise an error if the step was not sent completely."""
         self._playback = None
         if playback.error:
             raise playback.error

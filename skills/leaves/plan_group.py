@@ -24,17 +24,17 @@ from skills.motion.trajectory.plan import Plan
 from skills.planning_skill import PlanningSkill
 from skills.ports import Port, Positions
 
-# Extra distances from obstacles for further plans [m]. Each one is used if the frames of the
-# previous plan come too close. With much larger distances, there is often no path (measured).
+# Extra distances from obstacles for further plans [m]. The next distance is used if the frames of
+# a plan come too close. With much larger distances, there is often no path (measured).
 _EXTRA_DISTANCES = (0.002, 0.004, 0.008)
 
 
 class _PlanGroup(PlanningSkill, register=False):
-    """Plan a motion of one group. The other joints do not move meanwhile."""
+    """Plan a motion of one group. The other joints stand still during this motion."""
 
     validates_partial = True
     plans_goal = True
-    # Groups that have reached their goal before this one starts to move.
+    # Groups that move before this group: they are at their goals when this group starts.
     moved_before: tuple[str, ...] = ()
 
     INPUT_PORTS = {
@@ -43,8 +43,8 @@ class _PlanGroup(PlanningSkill, register=False):
         "via": PortInformation(
             list[Positions],
             default_value=[],
-            description="positions of the group's joints to pass in order: within 10 mm, and "
-            "without a stop if there is room [rad]",
+            description="positions of the group's joints that the motion passes in order, within "
+            "10 mm and without a stop if there is room [rad]",
         ),
         "speed": Port(
             float,
@@ -54,7 +54,7 @@ class _PlanGroup(PlanningSkill, register=False):
             most=1.0,
         ),
     }
-    OUTPUT_PORTS = {"plan": PortInformation(Plan, description="the motion of this group")}
+    OUTPUT_PORTS = {"plan": PortInformation(Plan, description="motion of the group")}
 
     _query: Query
     _first: Plan | None = None  # the plan without extra distance
@@ -91,14 +91,14 @@ class _PlanGroup(PlanningSkill, register=False):
         return self.request(self._query)
 
     def on_answer(self, answer: Result) -> Status:
-        """Write the plan. Near obstacles, first request a check of its frames.
+        """Write the plan, or first request a check of its frames.
 
         The frames differ from the plan, because servos turn in whole degrees and one after another.
-        If they collide, another plan keeps more distance. If no plan is free, the first one is
-        written, and Execute reports its collision.
+        If the frames collide, request another plan that keeps more distance. If the frames of every
+        plan collide, write the first plan: Execute then reports its collision.
 
-        Without bodies in the world, only Execute checks the frames of a straight plan: none of 1400
-        random plans collided.
+        A straight plan in a world without bodies is written without a check: none of 1400 random
+        plans collided. Execute checks its frames.
         """
         if isinstance(answer, Plan):
             self._first = self._first or answer
@@ -140,10 +140,10 @@ class _PlanGroup(PlanningSkill, register=False):
         return Status.SUCCESS
 
     def on_halt(self) -> None:
-        """Cancel the planner, and publish the outcome of the query."""
+        """Cancel the request to the planners, and publish what is known about the query."""
         super().on_halt()
         answer = self._job.answer if self._job else None
-        answer = self._checked or answer  # the job was the check of this plan's frames
+        answer = self._checked or answer  # if a plan is being checked, it is the answer
         outcome = answer if isinstance(answer, (Plan, MotionError)) else PlanCanceled()
         self.context.publish(Planned(self._query, outcome))
 
@@ -155,6 +155,7 @@ class PlanArm(_PlanGroup):
 
     @classmethod
     def waypoints(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
+        """Return the points of the input `via`, one value per actuated joint of the arm [rad]."""
         names = [joint.name for joint in robot.actuated_in(cls.group)]
         return [tuple(point[name] for name in names) for point in inputs.get("via", [])]
 

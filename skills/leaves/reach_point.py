@@ -20,7 +20,7 @@ _TARGET = PortInformation(Positions, description="position of each of the group'
 
 
 class ReachPoint(PlanningSkill):
-    """Compute joint positions that bring the tool to a point. Choose the ones reached soonest."""
+    """Compute joint positions that bring the tool to a point. Prefer the shortest motion."""
 
     tool_output = "target"
 
@@ -42,11 +42,12 @@ class ReachPoint(PlanningSkill):
 
     @classmethod
     def tool_query(cls, robot: Robot, inputs: Mapping[str, Any]) -> ToolQuery | None:
-        """Return the query for the inputs, in an empty world; None if an input is not known."""
+        """Return the query for the inputs, in an empty world, or None if an input is not known."""
         known = all(port in inputs for port in cls.INPUT_PORTS)
         return query_tool_target(robot, inputs) if known else None
 
     def on_answer(self, answer: Result) -> Status:
+        """Write the positions that the planner returned."""
         if isinstance(answer, MotionError):
             raise answer
         assert isinstance(answer, Reached)

@@ -1,4 +1,4 @@
-"""Leaves that end a task or a branch: in success, or in failure with a reason."""
+"""Leaves with a fixed result: one always succeeds, the other always fails with a reason."""
 
 from py_trees.common import Status
 

@@ -11,7 +11,7 @@ logger = logging.getLogger(__name__)
 
 
 class Say(Skill):
-    """Print a text, and the value of a key after it, to the log and the recording."""
+    """Print a text and a value to the log and the recording."""
 
     may_fail = False
     synonyms = ("print", "log", "debug", "echo")

@@ -1,4 +1,4 @@
-"""A leaf that provides the start of a motion."""
+"""A leaf that writes the position of the arm, as the start of a motion."""
 
 from py_trees.common import Status
 from py_trees.ports import PortInformation
@@ -8,7 +8,7 @@ from skills.ports import Positions
 
 
 class SetStart(Skill):
-    """Provide the commanded position of the arm, as the start of a plan."""
+    """Write the commanded position of the arm, as the start of a plan."""
 
     pose_output = "start"
 
@@ -19,6 +19,7 @@ class SetStart(Skill):
     }
 
     def on_start(self) -> Status:
+        """Write the commanded position."""
         start = Positions(self.context.robot.by_joint(self.context.arm.commanded))
         self._set_output("start", start)
         self.feedback_message = self.context.robot.words(start)

@@ -1,4 +1,4 @@
-"""Leaves that complete targets of some joints to a target of every joint."""
+"""Leaves that make a target of all joints from targets or distances of some joints."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -27,7 +27,7 @@ _START = PortInformation(Positions, description="position of every actuated join
 
 
 class Target(Skill):
-    """Take targets of some joints. The others keep their start position. Fail if out of limits."""
+    """Set targets of some joints; the others keep their start position. Fail if out of limits."""
 
     validates_partial = True
 
@@ -46,7 +46,7 @@ class Target(Skill):
 
     @classmethod
     def poses(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
-        """Return the goal if start and targets are known, or the target of every joint."""
+        """Return the goal if it is known: from start and targets, or from targets of all joints."""
         joints = inputs.get("joints", {})
         start = inputs.get("start", joints)
         if not joints or not start.keys() >= {joint.name for joint in robot.actuated}:
@@ -69,7 +69,7 @@ class Shift(Skill):
         "start": _START,
         "by": Port(
             Positions,
-            description="distances of some joints, at most half a turn of a continuous one [rad]",
+            description="distances of some joints; at most half a turn for continuous joints [rad]",
             relative=True,
         ),
     }
@@ -83,7 +83,12 @@ class Shift(Skill):
 
     @classmethod
     def poses(cls, robot: Robot, inputs: Mapping[str, Any]) -> list[tuple[float, ...]]:
-        """Return the goal if start and distances are known. Refuse one that is out of limits."""
+        """Return the goal if start and distances are known, else an empty list.
+
+        Raises:
+            OutOfBounds: The goal is outside the limits of a joint.
+            BadTarget: A mimic joint is named without its leader, or contradicts it.
+        """
         if "start" not in inputs or "by" not in inputs:
             return []
         return [tuple(_shifted(robot, inputs["start"], inputs["by"]).values())]

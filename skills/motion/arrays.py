@@ -1,6 +1,6 @@
 """Helpers for arrays of joint positions.
 
-A run loads NumPy while its board boots. What it needs before does not import this file.
+A run loads NumPy while the board boots. Modules that are needed before must not import this file.
 """
 
 import math
@@ -16,12 +16,12 @@ from .errors import BadQuery, NotFinite, shown
 Array = NDArray[np.float64]
 Mask = NDArray[np.bool_]
 
-# Shape and first byte of each array, and the bytes of all of them.
+# Shape and offset of each array [bytes], and the bytes of all arrays.
 Packed = tuple[list[tuple[tuple[int, ...], int]], bytes]
 
 
 def readonly(values: ArrayLike) -> Array:
-    """Return a read-only array of floats. Copies the array unless it owns read-only data."""
+    """Return the values as a read-only array of floats. Copies data that may change later."""
     array = np.asarray(values, dtype=np.float64)
     if array.flags.writeable or not (array.flags.owndata or isinstance(array.base, bytes)):
         array = array.copy()
@@ -30,7 +30,7 @@ def readonly(values: ArrayLike) -> Array:
 
 
 def norms(steps: Array) -> Array:
-    """Return the length of every row (N, J) -> (N,), also if its square underflows."""
+    """Return the length of each row (N, J) -> (N,). Also exact if the squares would underflow."""
     largest = np.max(abs(steps), axis=1, initial=np.finfo(float).tiny)
     lengths: Array = largest * np.sqrt(np.square(steps / largest[:, None]).sum(axis=1))
     return lengths
@@ -45,7 +45,7 @@ def joint_positions(what: str, values: Sequence[float] | Array, joints: Sequence
         joints: The joints, in the same order.
 
     Raises:
-        BadQuery: The number of values is wrong, or one is not a number.
+        BadQuery: The number of values is wrong, or a value is not a number.
         NotFinite: A value is NaN or infinite.
     """
     try:
@@ -61,7 +61,7 @@ def joint_positions(what: str, values: Sequence[float] | Array, joints: Sequence
 
 
 def pack(arrays: Iterable[Array]) -> Packed:
-    """Return arrays as one piece of memory: pickle takes 3 us for each array."""
+    """Return arrays packed into one bytes object, because pickle takes 3 us for each array."""
     places, memory, begin = list[tuple[tuple[int, ...], int]](), list[bytes](), 0
     for array in arrays:
         places.append((array.shape, begin))
@@ -71,7 +71,7 @@ def pack(arrays: Iterable[Array]) -> Packed:
 
 
 def unpack(packed: Packed) -> list[Array]:
-    """Return the arrays that were packed, read-only.
+    """Return read-only arrays from the result of `pack`.
 
     Raises:
         ValueError: A value is not finite, or bytes are missing.

@@ -44,7 +44,9 @@ class Deadline:
 
 
 class Stopwatch:
-    """Measures stages, starting at its creation. Time between stages counts for the next one.
+    """Measures the durations of stages. Time between two stages counts for the second one.
+
+    The first stage starts when the object is created.
 
     Args:
         clock: Time source.

@@ -1,7 +1,7 @@
 """Errors of motion planning.
 
-The root is MotionError. Every error has a stable `code`, and its message says what to do next. All
-of them can be pickled with their attributes.
+The base class is MotionError. Every error has a stable `code`, and its message says what to do
+next. All errors can be pickled with their attributes.
 """
 
 import math
@@ -20,10 +20,10 @@ _MISSING_LIBRARY = re.compile(r"(\w+)\.so\.(\d+): cannot open shared object file
 
 
 class MotionError(ArmtreeError):
-    """The planner found no motion. Root of the errors of motion planning.
+    """The planner found no motion. Base class of the errors of motion planning.
 
     Attributes:
-        milliseconds: Duration of each stage of planning, up to the one that failed [ms].
+        milliseconds: Duration of each stage of planning, up to the stage that failed [ms].
     """
 
     code = "plan.error"
@@ -66,9 +66,9 @@ class NotFinite(BadQuery):
     """A request to the planner has a number that is NaN or infinite.
 
     Attributes:
-        what: Name of the value with the number, such as `start`, `via point 1` or `z of the axis`.
-        joint: Name of its joint; empty if it belongs to no joint.
-        value: NaN or an infinity.
+        what: Name of the value, such as `start`, `via point 1` or `z of the axis`.
+        joint: Name of the joint whose number it is; empty if the number is not of a joint.
+        value: The number: NaN, infinity or minus infinity.
     """
 
     code = "plan.not_finite"
@@ -80,7 +80,7 @@ class NotFinite(BadQuery):
 
 
 class BadWorld(BadQuery):
-    """A body of the world is not valid, or names an unknown link or body.
+    """A body of the world is not valid, or refers to an unknown link or body.
 
     Attributes:
         location: Location of the wrong value in a list of bodies, such as (0, "box", "size"); empty
@@ -97,7 +97,7 @@ class BadWorld(BadQuery):
 
     @classmethod
     def of(cls, mistakes: "Sequence[BadWorld]") -> "BadWorld":
-        """Return one error for one or several mistakes. Its message has the first ones."""
+        """Return one error for all mistakes. Its message has the messages of the first mistakes."""
         lines = [str(each) for each in mistakes[:_SHOWN]]
         if len(mistakes) > _SHOWN:
             lines.append(f"and {plural(len(mistakes) - _SHOWN, 'more mistake')}")
@@ -107,15 +107,15 @@ class BadWorld(BadQuery):
 
     @property
     def all(self) -> "Sequence[BadWorld]":
-        """All mistakes; this error if it is the only one."""
+        """All mistakes that this error combines; only this error if it is a single mistake."""
         return self._several or (self,)
 
 
 class ModelUnusable(MotionError):
-    """The robot's URDF or numbers are unusable.
+    """The robot's URDF, or a number in its robot file, is unusable for planning.
 
     Attributes:
-        path: The URDF, or the robot file.
+        path: Path of the URDF or of the robot file.
     """
 
     code = "plan.model"
@@ -136,7 +136,7 @@ class PositionOutOfBounds(MotionError, ValueError):
         lower: Lower limit.
         upper: Upper limit.
         unit: Unit of value and limits: rad or m.
-        what: `start`, `goal`, or a via point such as `via point 1`.
+        what: Name of the point: `start`, `goal`, or a via point such as `via point 1`.
     """
 
     what = "position"
@@ -178,14 +178,14 @@ class GoalOutOfBounds(PositionOutOfBounds):
 
 
 class EndInCollision(MotionError):
-    """Two links are closer than the margin at one end of the motion.
+    """Two links are closer than the margin at the start, at the goal or at a via point.
 
     Attributes:
         first: Name of one link or body, or `floor`.
         second: Name of the other link or body.
         distance: Distance between them, negative if they overlap [m].
         margin: Distance to keep [m].
-        what: `start`, `goal`, or a via point such as `via point 1`.
+        what: Name of the point: `start`, `goal`, or a via point such as `via point 1`.
     """
 
     what = "end"
@@ -212,10 +212,10 @@ class StartInCollision(EndInCollision):
 
 
 class ContactDeepened(StartInCollision):
-    """The motion would deepen a contact in which it starts."""
+    """The arm is in contact at the start, and the motion would make this contact deeper."""
 
     code = "plan.contact_deepened"
-    hint = f"the motion would deepen this contact: {StartInCollision.hint}"
+    hint = f"the motion would make this contact deeper: {StartInCollision.hint}"
 
 
 class GoalInCollision(EndInCollision):
@@ -230,14 +230,15 @@ class Unreachable(MotionError):
 
     Attributes:
         point: The requested point, in the URDF's root frame [m].
-        nearest: The nearest reachable point that was found, for any direction [m].
+        nearest: Reachable point that was found nearest to the requested point, with the tool in any
+            direction [m].
         distance: Distance between these two points [m]; at most `tolerance` if only the direction
             is out of reach.
-        askew: Angle between the requested direction, or orientation, and that of the tool at
-            `nearest` [rad]. If the point is within reach, the smallest angle that was found. 0 if
-            none was requested.
-        direction: The requested direction of the tool's axis; None for a turn, or if none was
-            requested.
+        askew: Angle between the requested direction or orientation of the tool and the one at
+            `nearest` [rad]. If the point is within reach, it is the smallest angle that was found.
+            0 if no direction or orientation was requested.
+        direction: The requested direction of the tool's axis; None for a turn, or if no direction
+            was requested.
         tolerance: Distance at which the point counts as reached [m].
     """
 
@@ -281,23 +282,23 @@ class Unreachable(MotionError):
         if self.direction is None:
             return (
                 f"The arm cannot turn the tool this way and keep it at {_place(self.point)}; it "
-                f"stays at least {off}"
+                f"stays at least {off} the requested orientation"
             )
         direction = ", ".join(f"{x:.4g}" for x in self.direction)
         return (
-            f"The tool can reach {_place(self.point)}, but there its axis is at least {off} the "
+            f"The tool can reach {_place(self.point)}, but its axis is then at least {off} the "
             f"direction ({direction})"
         )
 
 
 class Barred(MotionError):
-    """Every path passes a position of a joint that is always in collision.
+    """There is no path: every path passes a joint position at which the arm is always in collision.
 
     Attributes:
         joint: Name of the joint.
-        value: The position.
+        value: Position of the joint.
         unit: Unit of the position: rad or m.
-        first: Name of one of the two links in collision there, or `floor`.
+        first: Name of one of the two links that collide at this position, or `floor`.
         second: Name of the other link or body.
     """
 
@@ -314,11 +315,13 @@ class Barred(MotionError):
         )
 
 
-_FEWER = 4  # an end with this many times fewer configurations than the other is in a narrow place
+# If the search reached this many times fewer configurations from one end of the motion (start or
+# goal) than from the other, this end is in a narrow place.
+_FEWER = 4
 
 
 def _tried(samples: int, searches: int, from_start: int, from_goal: int) -> str:
-    """Return what was tried without success. See the attributes of NoPath."""
+    """Return words for a message that say how a path was searched. Arguments as in NoPath."""
     counts = sorted(((from_start, "start"), (from_goal, "goal")))
     narrow, wide = counts
     place = f"; the {narrow[1]} is in the narrow place" if _FEWER * narrow[0] < wide[0] else ""
@@ -330,7 +333,7 @@ def _tried(samples: int, searches: int, from_start: int, from_goal: int) -> str:
 
 
 class NoPath(MotionError):
-    """No search found a path within its samples.
+    """No search found a path with its number of samples.
 
     Attributes:
         samples: Number of samples of all searches.
@@ -356,6 +359,10 @@ class TooLong(MotionError):
         joint: Name of the joint that moves longest.
         value: Duration of the motion [s].
         limit: Largest duration [s].
+
+    Args:
+        joint, value, limit: See the attributes.
+        rates: Velocity and acceleration limits of the joint with units, for the message.
     """
 
     code = "plan.too_long"
@@ -373,9 +380,9 @@ class PlanTimeout(MotionError, TimeoutError):
     """The planner ran out of time.
 
     Attributes:
-        timeout: Time for the request [s].
-        samples, searches, from_start, from_goal: What the searches tried until then; see NoPath.
-            All are 0 if no search ran, or if the worker was killed at the deadline.
+        timeout: Timeout of the request [s].
+        samples, searches, from_start, from_goal: Counts of the searches until the timeout; see
+            NoPath. All are 0 if no search ran, or if the worker was killed at the deadline.
     """
 
     code = "plan.timeout"
@@ -403,7 +410,7 @@ class MotionCollides(MotionError):
     """The frames of the motion would cause a collision.
 
     Attributes:
-        row: Row of the configurations at or before the collision.
+        row: Number of the row of configurations, from 0, at or before the collision.
         time: Time of the collision from the start of the motion [s]; None if rows have no times.
         first: Name of one link or body, or `floor`.
         second: Name of the other link or body.
@@ -437,11 +444,11 @@ class TooLittleMemory(MotionError):
 
     Attributes:
         value: Memory that a process may use [bytes].
-        limit: Memory that it needs [bytes].
+        limit: Memory that a process of armtree needs [bytes].
 
     Args:
-        kind: The kind of memory that the operating system limits.
-        option: The command that raises its limit.
+        kind: Kind of memory that the operating system limits.
+        option: Command that raises this limit.
     """
 
     code = "plan.memory"
@@ -455,7 +462,7 @@ class TooLittleMemory(MotionError):
         self.hint = f"raise the limit (`{option}`), then run again"
         super().__init__(
             f"The operating system allows {value // 1024} KiB of {kind} to a process; "
-            f"armtree needs {limit // 1024}; {self.hint}"
+            f"armtree needs {limit // 1024} KiB; {self.hint}"
         )
 
 
@@ -473,7 +480,7 @@ class WorkerDied(MotionError):
     """The planning process ended, or its answer was not valid.
 
     Attributes:
-        why: Known cause, in words.
+        why: Cause, in words.
     """
 
     code = "plan.worker_died"
@@ -483,12 +490,12 @@ class WorkerDied(MotionError):
         self.why = why
         if missing := _MISSING_LIBRARY.search(why):
             package = f"{missing[1]}{missing[2]}"
-            self.hint = f"install the system's package of that library, on Debian {package}"
+            self.hint = f"install the system's package of this library, on Debian {package}"
         super().__init__(f"The planning process failed: {why}. A new one starts; {self.hint}")
 
 
 def shown(value: object) -> str:
-    """Return a short text for any value, for messages."""
+    """Return a short text that shows any value in a message."""
     try:
         return reprlib.repr(value)
     except Exception:  # __repr__ fails, or a number has thousands of digits
@@ -496,7 +503,7 @@ def shown(value: object) -> str:
 
 
 def _the(what: str) -> str:
-    """Return a name as the start of a sentence: `The goal`, but `Via point 1`."""
+    """Return a name with its article, to start a sentence: `The goal`, but `Via point 1`."""
     return what.capitalize() if what[-1].isdigit() else f"The {what}"
 
 

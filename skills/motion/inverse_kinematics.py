@@ -1,14 +1,14 @@
 """Inverse kinematics: joint positions that bring a tool to a point, with its axis in a direction.
 
-A Levenberg-Marquardt descent (K. Levenberg 1944, D. W. Marquardt 1963), projected onto the joint
-limits, lowers the squared error. It begins at several points: the current configuration, then
-random ones. The result is the collision-free solution with the shortest straight motion from the
-current configuration.
+A Levenberg-Marquardt descent (K. Levenberg 1944, D. W. Marquardt 1963) reduces the squared error,
+within the joint limits. It runs from several starting points: the current configuration, and random
+configurations. The result is the collision-free solution with the shortest straight motion from
+the current configuration.
 
 The first 16 starting points reach most targets. If no solution is free of collision, the solver
-draws 512 more points, tries the most promising ones, and continues the best results with more
-steps. If it still cannot reach a requested direction, the point gets priority over the direction.
-This shows whether the point or the direction is out of reach.
+draws 512 more starting points, tries the most promising ones, and continues the best results with
+more steps. If it still cannot reach a requested direction, the point gets priority over the
+direction. This shows whether the point or the direction is out of reach.
 """
 
 import math
@@ -41,15 +41,16 @@ from .robot_model.joint_group import JointGroup
 from .robot_model.robot_model import RobotModel
 from .robot_model.roll_pitch_yaw import axes_across, turn_tolerance, turned
 
-# The budget is a number of descents, not a time, so equal queries give equal answers.
+# The number of descents is limited, not their time, so equal queries give equal answers.
 _FIRST_SEEDS = 16  # starting points of the first round, with the current configuration
 _RANDOM_SEEDS = 512  # starting points drawn for the second round
-_MOST_PROMISING = 32  # tried starting points of the second round
-_CONTINUED = 8  # best results that are continued with more steps
-_POINT_FIRST_SEEDS = 16  # random starting points, and earlier results, of the point-first round
+_MOST_PROMISING = 32  # number of starting points that the second round tries
+_CONTINUED = 8  # number of best results that are continued with more steps
+_POINT_FIRST_SEEDS = 16  # random starting points of the point-first round, and earlier results
 _SEPARATION = 0.1  # smallest RMS distance of two starting points, as a share of the joint ranges
 _POINT_TOLERANCE = 1e-6  # [m]
-# A stretched arm that steps sideways misses the point by microns. That is reached, too.
+# A stretched arm that moves its tool sideways misses the point by a few microns [m]. A point at
+# this distance also counts as reached.
 _NEARLY = 5e-6  # [m]
 _AXIS_TOLERANCE = 1e-4  # [rad]
 _AXIS_WEIGHT = 0.1  # weight of 1 rad of axis error against 1 m of position error [m/rad]
@@ -78,7 +79,7 @@ def solve_ik(
 
     Raises:
         BadQuery, NotFinite, StartOutOfBounds: The query is not valid.
-        Unreachable: There is no solution. The error has the nearest pose of the tool.
+        Unreachable: There is no solution. The error has the reachable point that is nearest.
         GoalInCollision: All solutions are in collision.
         PlanTimeout: The deadline passed.
     """
@@ -117,9 +118,9 @@ class _Result:
     """Result of one descent.
 
     Attributes:
-        joints: The group's joints (J,) [rad].
-        point: Position of the tool (3,) [m].
-        distance: Distance of the tool from the point [m].
+        joints: Positions of the group's joints (J,) [rad].
+        point: Position of the tool at these joint positions (3,) [m].
+        distance: Distance of the tool from its target point [m].
         angle: Largest angle between an axis of the tool and its target [rad].
         aligned: True if the angle is within its tolerance.
     """
@@ -140,7 +141,7 @@ class _Result:
 
 
 def _nearest(results: list[_Result]) -> list[_Result]:
-    """Return all results that reach the point, or else the nearest one."""
+    """Return all results that reach the target point, or else the nearest result."""
     least = max(_POINT_TOLERANCE, min(each.distance for each in results))
     return [each for each in results if each.distance <= least]
 
@@ -182,9 +183,13 @@ class _Search:
         return found + [self._descend(each.joints, _PATIENT, 0.0) for each in turned]
 
     def _separate(self, results: list[_Result], count: int) -> list[Array]:
-        """Return the first configurations that are not close to an earlier one.
+        """Return the configurations of the first results, without those close to an earlier one.
 
-        Close starting points mostly descend to the same solution.
+        From close starting points, the descent mostly leads to the same solution.
+
+        Args:
+            results: Results, the best first.
+            count: Largest number of configurations.
         """
         taken, shares = list[Array](), np.zeros((0, len(self._chain.ranges)))
         for result in results:
@@ -211,13 +216,13 @@ class _Search:
 
 
 class ToolChain:
-    """A group of joints and the tool that it moves.
+    """A group of joints and the tool that the group moves.
 
     Args:
-        robot: The robot.
-        model: Its model.
+        robot: Description of the robot.
+        model: Model of the same robot.
         group: The group.
-        query: The query, which names the tool and the direction of its axis, or its turn.
+        query: The query. It names the tool, and the tool's direction or turn.
     """
 
     def __init__(
@@ -232,7 +237,8 @@ class ToolChain:
         tool = self._tool(robot, query, indices)
         self._frame = model.frame_index(tool.link)
         self._offset, self._axis = np.array(tool.offset), _unit(tool.axis)
-        # Axes with targets: none, that of the tool, or two that fix its orientation.
+        # Axes of the tool that have a target direction: none, the tool's axis, or two axes, which
+        # together define the tool's orientation.
         self._axes = self._targets = np.zeros((0, 3))
         self._tolerance = _AXIS_TOLERANCE
         if query.turn is not None:
@@ -265,7 +271,7 @@ class ToolChain:
     def _ends(self) -> tuple[Array, Array]:
         """Return the positions of the last and the first joint that move the tool, (3,) each [m].
 
-        Both are the root's origin if no joint moves it.
+        Both are the origin of the root if no joint moves the tool.
         """
         kinematics = self._model.kinematics
         root, *above = kinematics.supports[kinematics.frames[self._frame].parentJoint]
@@ -273,14 +279,18 @@ class ToolChain:
         return self._data.oMi[last].translation, self._data.oMi[first].translation
 
     def draw(self, random: np.random.Generator, start: Array) -> Array:
-        """Draw random positions of the group's joints, within their limits or half a turn."""
+        """Return random positions of the group's joints (J,) [rad].
+
+        They are within the joint limits. A joint without limits is at most half a turn from its
+        start.
+        """
         own, group = start[self.columns], self._group
         lower = np.where(np.isfinite(group.lower), group.lower, own - np.pi)
         upper = np.where(np.isfinite(group.upper), group.upper, own + np.pi)
         return random.uniform(lower, upper)
 
     def duration(self, start: Array, joints: Array) -> float:
-        """Return the duration of the straight motion from the start [s]."""
+        """Return the duration of the straight motion from the start to the given joints [s]."""
         group = self._group
         return line_duration(joints - start[self.columns], group.velocity, group.acceleration)
 
@@ -301,7 +311,7 @@ class ToolChain:
         return frame.act(self._offset), frame.rotation
 
     def evaluate(self, start: Array, joints: Array, point: Array) -> _Result:
-        """Return the errors at the group's joints (J,) [rad]."""
+        """Return the result at given positions of the group's joints (J,) [rad]: no descent."""
         position, rotation = self._pose(self._group.full(start, joints[None, :])[0])
         return self._result(joints, position, rotation, point)
 
@@ -314,11 +324,11 @@ class ToolChain:
         effort: _Effort = _QUICK,
         axis_weight: float = _AXIS_WEIGHT,
     ) -> _Result:
-        """Lower the error from one starting point, within the limits.
+        """Return the result of a descent from one starting point, within the joint limits.
 
         Args:
-            start: All actuated joints; those outside the group stay there (A,) [rad].
-            seed: The group's joints to start from (J,) [rad].
+            start: All actuated joints (A,) [rad]. Joints outside the group keep these positions.
+            seed: Starting point: positions of the group's joints (J,) [rad].
             point: Target of the tool, in the root frame (3,) [m].
             deadline: Deadline of the query.
             effort: Limits of the descent.
@@ -330,7 +340,7 @@ class ToolChain:
         for _ in range(effort.steps):
             deadline.check()
             gradient = jacobian.T @ error
-            # A joint at its limit does not move in this step if the step would exceed the limit.
+            # A joint at its limit keeps its position in this step if it would exceed the limit.
             stuck = (joints <= lower) & (gradient > 0) | (joints >= upper) & (gradient < 0)
             step = np.zeros(len(joints))
             free = ~stuck
@@ -358,7 +368,7 @@ class ToolChain:
     def _linearise(
         self, configuration: Array, joints: Array, point: Array, axis_weight: float
     ) -> tuple[Array, Array, _Result]:
-        """Return the weighted error, its Jacobian, and the unweighted result."""
+        """Return the weighted error, its Jacobian, and the result at the given joint positions."""
         configuration[self.columns] = joints
         position, rotation = self._pose(configuration)
         jacobian = pin.getFrameJacobian(
@@ -387,7 +397,7 @@ def _unit(vector: tuple[float, ...]) -> Array:
 
 
 def _check_query(robot: Robot, query: ToolQuery) -> Array:
-    """Check a query and return all actuated joints at its start (A,) [rad]."""
+    """Check the values of a query. Return all actuated joints at its start (A,) [rad]."""
     check_seed(query.seed)
     start = joint_positions("start", query.start, robot.actuated)
     for joint, value in zip(robot.actuated, start.tolist(), strict=True):

@@ -1,7 +1,7 @@
-"""The motion planner: a Query in, a checked and timed Plan out.
+"""The motion planner: it answers a Query with a checked and timed Plan.
 
-`Planner.plan` tries stage after stage until it has a path, all of it proved to be free. Then it
-times the path; a timed motion does not leave its path:
+`Planner.plan` tries one stage after another until it has a path that is proved to be free of
+collisions. Then it times the path. A timed motion does not leave its path:
 
     straight   the line from start to goal
     bend       a path with a single rounded corner; with via points, a corner in each leg
@@ -10,9 +10,10 @@ times the path; a timed motion does not leave its path:
     blend      parabolic blends at the corners
     time       trapezoidal profile on a line, TOPP-RA on a curve
 
-A motion may start in a slight contact, if the robot file allows this, and may not deepen it. If the
-straight line would deepen it or is not free, the motion first leaves the contact. If the goal is in
-the contact too, all stages ignore the links in contact, and a check of the finished plan follows.
+If the robot file allows this, a motion may start in a slight contact, but must not deepen it. If
+the straight line would deepen the contact or is not free, the motion first leaves the contact. If
+the goal is in the same contact, all stages ignore the links in contact, and the finished plan is
+then checked for deeper contacts.
 
 `Planner.reach` solves inverse kinematics; `rest`, `carry` and `verify` answer the other requests.
 """
@@ -83,7 +84,7 @@ class Planner:
         self.checker = self._checker(EMPTY)
 
     def prepare(self, world: World) -> None:
-        """Load a world, so that its first query is as fast as the next ones.
+        """Load a world, so that the first query in this world is as fast as later queries.
 
         Raises:
             BadWorld: The world is invalid.
@@ -91,7 +92,7 @@ class Planner:
         self._checker(world).prepare()
 
     def answer(self, request: Request) -> Answer:
-        """Answer any request: with a Plan, Reached or Body, or None for Verify.
+        """Return the answer to a request: a Plan, a Reached or a Body; None for a Verify.
 
         Raises:
             BadQuery: The request or one of its attributes is of a wrong type.
@@ -152,7 +153,7 @@ class Planner:
                 return _plan_from_contacts(query, contacts, apart, validator, points, watch)
 
     def verify(self, request: Verify) -> None:
-        """Check a motion as the board will play it: along straight lines from row to row.
+        """Check a motion as the board will execute it: along straight lines from row to row.
 
         Raises:
             MotionCollides: The motion is in collision. The error has the first contact.
@@ -188,7 +189,7 @@ class Planner:
             return solve_ik(self._robot, self._model, group, checker, query, deadline)
 
     def rest(self, request: Rest) -> Plan:
-        """Return the rest of a motion that was stopped, timed from standstill.
+        """Return a plan for the rest of a motion that was stopped. The rest starts from standstill.
 
         Raises:
             BadQuery, NotFinite: The arm is not on the path, or the request is not valid.
@@ -218,7 +219,7 @@ class Planner:
         return self._groups[name]
 
     def _start_contacts(self, checker: CollisionChecker, start: Array) -> StartContacts | None:
-        """Return the contacts that a motion may start in; None if it may not or there are none."""
+        """Return the contacts in which a motion may start; None if there is no allowed contact."""
         deepest = self._robot.collision.start_contact
         if not deepest:
             return None
@@ -228,9 +229,9 @@ class Planner:
         return last if last.pairs and -last.deepest.distance <= deepest else None
 
     def _checker(self, world: World, without: Pairs = _NONE) -> CollisionChecker:
-        """Return the checker of a world, without some pairs of links.
+        """Return the checker of a world that does not check the pairs of links in `without`.
 
-        Keeps those of the empty and the latest worlds.
+        The planner keeps the checkers of the empty world and of the latest worlds.
         """
         key = world, without
         checker = self._checkers.pop(key, None)
@@ -244,7 +245,7 @@ class Planner:
 
 
 def _without(robot: Robot, pairs: Pairs) -> Robot:
-    """Return a robot for which some pairs of links are not checked."""
+    """Return a copy of a robot whose rules allow some pairs of links to touch."""
     rules = robot.collision
     ignores = rules.floor_ignores.union(*(pair - {FLOOR} for pair in pairs if FLOOR in pair))
     rules = dataclasses.replace(rules, allowed=rules.allowed | pairs, floor_ignores=ignores)
@@ -261,7 +262,7 @@ def _plan(
         validator: Checks motions of the group.
         points: Free start, via points and goal (K, J) [rad].
         watch: Measures each stage.
-        retracting: Number of first legs that leave contacts; they are free.
+        retracting: Number of lines at the beginning that leave contacts. They are known to be free.
 
     Raises:
         Barred, NoPath, TooLong, PlanTimeout: A stage failed.
@@ -303,19 +304,20 @@ def _plan_from_contacts(
     points: Array,
     watch: Stopwatch,
 ) -> Plan:
-    """Return a motion that starts in contacts and deepens none.
+    """Return a motion that starts in contacts and does not deepen them.
 
     Args:
         query: The query.
         contacts: Contacts of the start.
-        others: Checks all other pairs of links.
+        others: Checks all pairs of links that are not in contact at the start.
         every: Checks all pairs of links.
         points: Start, via points and goal (K, J) [rad].
         watch: Measures each stage.
 
     Raises:
         Barred, NoPath, TooLong, PlanTimeout: A stage failed.
-        ContactDeepened: The motion would deepen a contact, and no retraction from it was found.
+        ContactDeepened: The motion would deepen a contact, and no motion out of the contact was
+            found.
     """
     retraction = None
     with watch.stage("contacts"):
@@ -348,7 +350,7 @@ def _paths(
         points: Free start, via points and goal (K, J) [rad].
         seed: Seed of the search.
         watch: Measures each stage.
-        retracting: Number of first legs that leave contacts; they are free.
+        retracting: Number of lines at the beginning that leave contacts. They are known to be free.
 
     Raises:
         Barred: There is no path.
@@ -385,10 +387,10 @@ def _leg_paths(
     seed: int,
     watch: Stopwatch,
 ) -> Iterator[Array]:
-    """Yield the waypoints of each leg (N, J) [rad].
+    """Yield the waypoints of each leg, the part between two points of the query (N, J) [rad].
 
-    A searched leg may end with a continuous joint off by whole turns. The next leg begins at that
-    end.
+    At the end of a searched leg, the position of a continuous joint may differ by whole turns. The
+    next leg begins at this position.
     """
     here, turns = legs[0][0], np.zeros(len(legs[0][0]))
     for (_, end), is_free in zip(legs, straight, strict=True):
@@ -424,10 +426,10 @@ def _searched_path(
 
 
 def _check_duration(plan: Plan, group: JointGroup) -> None:
-    """Check that a plan is short enough to sample all of it.
+    """Check that the duration of a plan is not too long to sample all of the motion.
 
     Raises:
-        TooLong: Its duration is more than `hardware.MAX_DURATION`.
+        TooLong: The duration is more than `hardware.MAX_DURATION`.
     """
     if plan.duration <= MAX_DURATION:
         return
@@ -441,7 +443,7 @@ def _check_duration(plan: Plan, group: JointGroup) -> None:
 
 
 def _distinct(waypoints: Array) -> Array:
-    """Drop waypoints that almost equal their neighbours. Keeps both ends."""
+    """Return the waypoints without those that almost equal the previous one. Keeps both ends."""
     kept = [waypoints[0]]
     for point in waypoints[1:-1]:
         if norms((point - kept[-1])[None, :])[0] > _SAME_POINT:

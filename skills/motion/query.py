@@ -18,23 +18,25 @@ MIN_SPEED = 0.01  # smallest share of the robot's speed
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """Move a group from the arm's configuration to a goal. The answer is a Plan.
+    """Request to move a group from the arm's configuration to a goal. The answer is a Plan.
 
     Attributes:
         group: Name of the group that moves. All other joints stay at the start.
-        start: All actuated joints, in the order of `robot.actuated` [rad].
-        goal: The group's joints, in the order of `robot.actuated_in(group)` [rad]. A continuous
-            joint takes the shorter direction, so its value at the end may differ by whole turns. On
-            a searched path, it may take the longer direction.
+        start: Positions of all actuated joints, in the order of `robot.actuated` [rad].
+        goal: Positions of the group's joints, in the order of `robot.actuated_in(group)` [rad]. A
+            continuous joint takes the shorter direction, so its position at the end may differ by
+            whole turns. On a searched path, it may take the longer direction.
         seed: Seed of the search. Equal queries give equal plans.
-        timeout: Time for planning after a worker has loaded the robot [s]. It may make a plan fail,
-            but never changes a plan.
-        via: Waypoints before the goal, in order, each in the form of `goal`. A blended motion does
-            not stop there: every part of the arm then passes within `blend.VIA_TOLERANCE`.
+        timeout: Longest time for planning, after a worker has loaded the robot [s]. A timeout may
+            make planning fail, but never changes a plan.
+        via: Waypoints before the goal, in order, each in the form of `goal`. If there is room, the
+            motion does not stop at a waypoint: every part of the arm then passes within
+            `blend.VIA_TOLERANCE` of its place at the waypoint.
         world: Bodies around the arm and attached to it.
-        spare: Distance to keep between the ends, in addition to the robot's margin [m].
+        spare: Distance to keep in addition to the robot's margin, except at start, via points and
+            goal [m].
         speed: Share of the robot's speed, `MIN_SPEED` to 1. The motion takes 1 / speed times as
-            long: velocity limits are scaled by it, acceleration limits by its square.
+            long: velocity limits are multiplied by speed, acceleration limits by its square.
     """
 
     group: str
@@ -59,17 +61,17 @@ def _numbers(what: str, values: "ArrayLike", unit: str) -> "Array":
 
 @dataclass(frozen=True, eq=False)
 class Verify:
-    """Check a motion as the board will play it. The answer is None if it is free.
+    """Request to check a motion as the board will execute it. The answer is None if it is free.
 
     Attributes:
         configurations: All actuated joints, in the order of `robot.actuated` (N, A) [rad]. The arm
             moves along a straight line from each row to the next.
-        margin: Distance to keep [m]. Contacts at the start may stay as close as they are there, as
-            in a plan. A single row is no motion, and must keep the margin.
+        margin: Distance to keep [m]. As in a plan, links that are in contact at the start may stay
+            as close as they are at the start. A single row must keep the margin.
         times: Time of each row (N,) [s], for the error's message. Default: not known.
-        timeout: Time for the check [s].
+        timeout: Longest time for the check [s].
         world: Bodies around the arm and attached to it.
-        start: All actuated joints where the motion started (A,) [rad]. Default: the first row.
+        start: All actuated joints at the start of the motion (A,) [rad]. Default: the first row.
 
     Raises:
         BadQuery: Configurations or times are not all numbers.
@@ -91,13 +93,13 @@ class Verify:
 
 @dataclass(frozen=True, slots=True)
 class Rest:
-    """Time the rest of a stopped motion, from standstill. The answer is a Plan.
+    """Request to time the rest of a stopped motion, from standstill. The answer is a Plan.
 
     Attributes:
-        plan: The motion.
+        plan: Plan of the motion that was stopped.
         time: Time of the stop, from the motion's start [s].
         start: All actuated joints at the stop [rad].
-        timeout: Time for planning [s].
+        timeout: Longest time for planning [s].
     """
 
     plan: Plan
@@ -108,24 +110,25 @@ class Rest:
 
 @dataclass(frozen=True, slots=True)
 class ToolQuery:
-    """Solve inverse kinematics for a tool of a group. The answer is a Reached.
+    """Request for joint positions that bring a tool to a point. The answer is a Reached.
 
     Attributes:
         group: Name of the group that moves. All other joints stay at the start.
         start: All actuated joints, in the order of `robot.actuated` [rad]. The answer is the
             solution with the shortest straight motion from this start.
         point: Target of the tool, in the URDF's root frame [m].
-        direction: Direction of the tool's axis in that frame. Default: any.
+        direction: Direction of the tool's axis in the root frame. Default: any direction.
         link: Link that carries the tool. Default: the link of the robot's own tool if the group
-            moves it, else the last link that the group moves.
+            moves this tool, else the last link that the group moves.
         offset: Position of the tool in the frame of `link`; without `link`, relative to the
             robot's own tool [m].
-        axis: Axis of the tool in that frame. Default: the axis of the robot's own tool, or z.
+        axis: Axis of the tool in the frame of the link. Default: the axis of the robot's own tool,
+            or z.
         relative: True if `point` is relative to the tool's position at the start.
-        turn: Roll, pitch and yaw of the tool from its orientation at the start, as in `turned`
-            [rad]; it replaces `direction`. Default: any orientation.
+        turn: Roll, pitch and yaw of the tool from its orientation at the start [rad]; see `turned`.
+            It replaces `direction`. Default: any orientation.
         seed: Seed of the search.
-        timeout: Time for the search [s].
+        timeout: Longest time for the search [s].
         world: Bodies around the arm and attached to it.
     """
 
@@ -158,15 +161,15 @@ class Reached:
 
 @dataclass(frozen=True, slots=True)
 class Carry:
-    """Attach a body to another link without moving it. The answer is the new Body.
+    """Request to attach a body to another link at its current pose. The answer is the new Body.
 
     Attributes:
         world: World with the body.
         body: Name of the body.
-        link: New link of the body; empty for the URDF's root frame, so that the body stays in
-            place.
+        link: New link of the body; empty for the URDF's root frame, so that the body does not move
+            with the arm.
         positions: All actuated joints at the moment of the change [rad].
-        timeout: Time for the answer [s].
+        timeout: Longest time for the answer [s].
     """
 
     world: World
@@ -180,7 +183,7 @@ Request = Query | Verify | ToolQuery | Carry | Rest
 Answer = Plan | Reached | Body | None
 Result = Answer | MotionError
 
-# Attributes of requests: name, type, and words for the valid values.
+# Attributes of requests: name, type, and description of valid values for messages.
 _TYPES: tuple[tuple[str, type | tuple[type, ...], str], ...] = (
     ("group", str, "the name of a group"),
     ("via", (tuple, list), "a tuple of points"),
@@ -191,7 +194,7 @@ _TYPES: tuple[tuple[str, type | tuple[type, ...], str], ...] = (
 
 
 def check_types(request: Request) -> None:
-    """Check the types of a request and its attributes. The planner checks their values.
+    """Check the types of a request and of its attributes. The planner itself checks the values.
 
     Raises:
         BadQuery: The request or an attribute has a wrong type.

@@ -6,8 +6,8 @@ from typing import cast
 
 from .errors import BadQuery, shown
 
-# Largest position of a continuous joint, size or distance [rad, m]. Far above it, rounding errors
-# of an angle exceed a turn, and coal crashes on numbers whose square is not finite.
+# Largest position of a continuous joint [rad], size or distance [m]. With much larger numbers,
+# rounding errors of an angle exceed a turn, and coal crashes if the square is not finite.
 MAX_MAGNITUDE = 1e6
 MIN_SIZE = math.ulp(0.0)  # smallest size of a solid, above 0 [m]
 

@@ -1,4 +1,4 @@
-"""The world: bodies around the arm and attached to it. They are checked like links."""
+"""The world: bodies around the arm and attached to the arm. They are checked for collision."""
 
 import json
 import math
@@ -13,7 +13,7 @@ from hardware.spelling import did_you_mean, suggestion
 from .errors import BadWorld, shown
 from .validation import MAX_MAGNITUDE, MIN_SIZE
 
-MAX_BODIES = 1000  # a scene of 1000 takes a second; the cost of pinocchio is cubic
+MAX_BODIES = 1000  # loading 1000 bodies takes 1 s; the time of pinocchio grows with the cube
 _ROUNDED = 1e-2  # largest error in the length of a quaternion with three or more digits
 _METRES = {"mm": 1e-3, "cm": 1e-2, "m": 1.0}
 _UNIT = 1e-6  # largest error in the length of a quaternion that was not rounded
@@ -47,10 +47,14 @@ class Cylinder:
 
 @dataclass(frozen=True, slots=True)
 class Mesh:
-    """Triangles from a file (STL, DAE, OBJ), scaled to metres.
+    """A mesh: triangles from a file (STL, DAE, OBJ), scaled to metres.
 
-    A closed mesh is solid: an arm inside it is in collision. A mesh with a hole is a surface,
-    because it may be a tray or a room with a door. Walls of a closed room need a thickness.
+    A closed mesh is solid: an arm inside the mesh is in collision. A mesh with a hole is a surface,
+    because it may be a tray or a room with a door. A closed room must have walls with a thickness.
+
+    Attributes:
+        path: Path of the file.
+        scale: Size of a unit of the file in x, y and z [m].
     """
 
     path: str
@@ -66,12 +70,12 @@ class Body:
     """A body that the arm must not touch, or that it carries.
 
     Attributes:
-        name: Name, different from those of all links and other bodies.
-        shape: Shape.
-        position: Position of its centre, or of the origin of a mesh, in the frame of `link` [m].
-        rotation: Rotation in that frame: x, y, z, w of a unit quaternion.
-        link: Link that it is attached to. Default: the URDF's root frame.
-        touches: Names of links and bodies that it may touch, and `floor`.
+        name: Name of the body. Links and other bodies must have different names.
+        shape: Shape of the body.
+        position: Position of the body's centre, or of a mesh's origin, in the frame of `link` [m].
+        rotation: Rotation of the body in the frame of `link`: x, y, z, w of a unit quaternion.
+        link: Link to which the body is attached. Default: the URDF's root frame.
+        touches: Names of links and bodies that the body may touch; may contain `floor`.
 
     Raises:
         BadWorld: A number is not finite, a size is not above 0, a number is more than
@@ -137,7 +141,7 @@ class Body:
 class World:
     """The bodies around the arm and attached to it.
 
-    The planner keeps its models of the latest worlds. Equal worlds share one.
+    The planner keeps the models of the latest worlds. Equal worlds share a model.
 
     Attributes:
         bodies: The bodies, in the order in which they were added.
@@ -163,7 +167,7 @@ class World:
             raise BadWorld(f"Two bodies have the name {name}; rename one")
 
     def body(self, name: str) -> Body:
-        """Return the body with a name.
+        """Return the body with the given name.
 
         Raises:
             BadWorld: There is no such body.
@@ -177,29 +181,37 @@ class World:
         raise BadWorld(f"There is no body {name}; known bodies: {there}")
 
     def adding(self, body: Body) -> "World":
-        """Return this world with a body. It replaces a body with the same name."""
+        """Return a copy of this world with an added body. It replaces a body of the same name."""
         known = {each.name: each for each in self.bodies} | {body.name: body}
         return World(tuple(known.values()))
 
     def without(self, name: str) -> "World":
-        """Return this world without a body."""
+        """Return a copy of this world without the body of the given name.
+
+        Raises:
+            BadWorld: There is no such body.
+        """
         gone = self.body(name)
         return World(tuple(body for body in self.bodies if body is not gone))
 
     def replacing(self, body: Body) -> "World":
-        """Return this world with a body that replaces the one with the same name."""
+        """Return a copy of this world in which a body replaces the body of the same name.
+
+        Raises:
+            BadWorld: There is no body of this name.
+        """
         old = self.body(body.name)
         return World(tuple(body if each is old else each for each in self.bodies))
 
     def plain(self) -> list[dict[str, Any]]:
-        """Return plain lists and numbers, for a recording. `World.parse` reads them."""
+        """Return the bodies as plain dicts, lists and numbers. `World.parse` is the inverse."""
         return [_plain(body) for body in self.bodies]
 
     @classmethod
     def parse(cls, bodies: Iterable[Mapping[str, Any]]) -> "World":
-        """Return the world from plain lists and numbers, as `plain` returns them.
+        """Return a world, from a list of bodies in the form that `plain` returns.
 
-        A rounded quaternion is scaled to length 1. An exact quaternion stays the same to the bit.
+        A rounded quaternion is scaled to length 1. An exact quaternion is not changed at all.
 
         Raises:
             BadWorld: The value is not a valid list of bodies.
@@ -227,7 +239,10 @@ _EXAMPLE = '[{"name": "post", "box": {"size": [0.03, 0.03, 0.2]}, "position": [0
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:
-    """Return the quaternion x, y, z, w of rotations about fixed x, y and z [rad], as URDF's rpy."""
+    """Return the quaternion x, y, z, w of a rotation about fixed x, then y, then z [rad].
+
+    This is the convention of URDF's `rpy`.
+    """
     (a, b, c), (x, y, z) = (
         [turn(0.5 * angle) for angle in (roll, pitch, yaw)] for turn in (math.cos, math.sin)
     )
@@ -262,7 +277,7 @@ def _parsed(plain: Any) -> Body:
     keys = [each.name for each in fields(Body) if each.name != "shape"]
     wrong = [*_unknown_keys(name, plain, [*keys, *_SHAPES], ["position"])]
     forms = [kind for kind in _SHAPES if kind in plain]
-    shape: Shape = Sphere(MIN_SIZE)  # in place of a wrong one, to check the other values
+    shape: Shape = Sphere(MIN_SIZE)  # replaces an invalid shape, so that other values are checked
     if len(forms) == 1:
         with _kept(wrong):
             shape = _form(name, forms[0], plain[forms[0]])
@@ -286,7 +301,7 @@ def _parsed(plain: Any) -> Body:
 
 @contextmanager
 def _kept(wrong: list[BadWorld]) -> Iterator[None]:
-    """Add the mistakes of the block to a list."""
+    """Context that adds the mistakes found in its block to a list."""
     try:
         yield
     except BadWorld as error:
@@ -319,7 +334,10 @@ def _unknown_keys(
     needed: Sequence[str],
     *location: str,
 ) -> Iterator[BadWorld]:
-    """Yield the mistakes of unknown keys. A single one may mean the needed key that is missing."""
+    """Yield a mistake for each unknown key, with a suggestion if possible.
+
+    If one key is unknown and one needed key is missing, the missing key is the suggestion.
+    """
     unknown = [key for key in plain if key not in known]
     missing = [key for key in needed if key not in plain]
     for key in unknown:
@@ -331,11 +349,14 @@ def _unknown_keys(
 
 
 def _meant(value: Any, count: int) -> str:
-    """Return a question with the numbers that a value most likely means; empty if that is unclear.
+    """Return a suggestion for a message: the numbers that an invalid value most likely means.
 
     Args:
-        value: A wrong value.
-        count: Number of numbers: 1 or 3 lengths, or 4 of a quaternion.
+        value: The invalid value.
+        count: Number of expected numbers: 1 or 3 lengths, or 4 for a quaternion.
+
+    Returns:
+        The suggestion; empty if the meaning is unclear.
     """
     meant: Any = None
     found = re.fullmatch(r"([\d.]+) ?(mm|cm|m)", value) if isinstance(value, str) else None
@@ -355,7 +376,7 @@ def _tupled(value: Any) -> Any:
 
 
 def _is_unit(rotation: Any, tolerance: float) -> bool:
-    """Return True if a value is four numbers with a length close to 1."""
+    """Return True if a value is a quaternion: four numbers with a length close to 1."""
     return _reals(rotation, 4) and abs(math.hypot(*rotation) - 1.0) < tolerance
 
 

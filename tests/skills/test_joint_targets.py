@@ -193,7 +193,7 @@ def test_a_contradiction_names_both_positions_and_how_the_joint_follows(
     with pytest.raises(BadTarget) as caught:
         check_targets(with_mimic(robot, multiplier, offset), target(joint_4=-0.7, joint_5=0.2))
     positions = "joint_5 = 11.459 deg contradicts joint_4 = -40.107 deg"
-    assert str(caught.value) == f"{positions}; it follows, as {law}: leave joint_5 out"
+    assert str(caught.value) == f"{positions}: joint_5 is always {law}; leave joint_5 out"
 
 
 def test_after_a_contradiction_the_joints_that_come_later_are_checked(robot: Robot) -> None:
@@ -414,5 +414,5 @@ def test_a_distance_of_a_joint_that_does_not_turn_names_those_that_do(
     distances.unknown = unknown
     (error,) = distance_errors(robot, distances)
     joints = "joint_1, joint_2, joint_3, joint_4"
-    assert str(error) == f"{name} is not a joint that turns; there are {joints}{near}"
+    assert str(error) == f"{name} is not an actuated joint; choose from {joints}{near}"
     assert error.location == ("by", name)

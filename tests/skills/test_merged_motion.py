@@ -67,7 +67,7 @@ def test_an_arm_elsewhere_has_no_rest(
 ) -> None:
     merged = MergedMotion(robot, START, plans, together)
     moved = tuple(1.0 if k == joint else q for k, q in enumerate(START))
-    with pytest.raises(StartMoved, match=f"joint_{joint + 1} is not where the motion begins"):
+    with pytest.raises(StartMoved, match=f"joint_{joint + 1} is not at the start of the motion"):
         merged.rest(0.0, moved)
 
 
@@ -77,7 +77,7 @@ def test_frames_begin_elsewhere_only_with_the_gripper(robot: Robot, plans: Plans
     assert begun_at(robot, schedule, START, START) is schedule
     held = begun_at(robot, schedule, START, (0.0, 0.0, 0.0, -0.1))
     assert held.end[3] == schedule.end[3]
-    with pytest.raises(StartMoved, match="joint_1 is not where the motion begins"):
+    with pytest.raises(StartMoved, match="joint_1 is not at the start of the motion"):
         begun_at(robot, schedule, START, (1.0, 0.0, 0.0, 0.0))
 
 

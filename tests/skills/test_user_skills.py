@@ -116,8 +116,8 @@ def test_its_skills_are_in_the_schema_and_in_tasks(installed: Path, tmp_path: Pa
     [
         ("async def wipe() -> None: ...", "wipe is async; a skill is a plain function"),
         ("def wipe(*places: int) -> None: ...", "*places: int is not a port; name each parameter"),
-        ("def sequence() -> None: ...", "sequence: the grammar already has that name; rename it"),
-        ("def name() -> None: ...", "name: the grammar already has that name"),
+        ("def sequence() -> None: ...", "sequence: a word of the grammar; rename the skill"),
+        ("def name() -> None: ...", "name: a word of the grammar"),
     ],
 )
 def test_functions_that_no_task_could_call(tmp_path: Path, function: str, words: str) -> None:

@@ -206,7 +206,7 @@ ONCE = [
         "",
         "{sequence: [{SetStart: {start: $s}}, {ReachPoint: {start: $s, point: [0, 0, 1],"
         " direction: [0, 0.0, -0], target: $t}}]}",
-        "4:98 ReachPoint: direction points nowhere",
+        "4:98 ReachPoint: direction is 0, 0, 0",
     ),
     (
         "parameters: {a: {type: duration, min: 5 s, max: 1 s}}\n",

@@ -224,7 +224,7 @@ TOGETHER = [
         "{subtree: move_relative, with: {by: {joint_1: 100, joint_2: 99, jiont_3: 1, joint_4: x}}}",
         ["4:44 joint_1 by 5729.6 deg is more than",
          "4:58 joint_2 by 5672.3 deg is more than",
-         "4:71 jiont_3 is not a joint that turns; there are joint_1, joint_2, joint_3, "
+         "4:71 jiont_3 is not an actuated joint; choose from joint_1, joint_2, joint_3, "
          "joint_4"
          "; did you mean joint_3?",
          "4:92 by: 'x' is not an angle"],
@@ -268,8 +268,8 @@ TOGETHER = [
         " direction: [0, 0, 0], axis: [0, 0, 0], tool: no, group: amr}}]}",
         ["4:76 ReachPoint.point: [0, 0] has 2 items",
          "4:92 ReachPoint writes target",
-         "4:106 ReachPoint: direction points nowhere",
-         "4:123 ReachPoint: axis points nowhere",
+         "4:106 ReachPoint: direction is 0, 0, 0",
+         "4:123 ReachPoint: axis is 0, 0, 0",
          "4:140 ReachPoint: the robot has no link no",
          "4:151 ReachPoint: the robot has no group amr; it has arm, gripper; did you mean arm?"],
     ),

@@ -54,7 +54,7 @@ WRONG = [
     (MOVE, "with: {joint_1: 20 deg}", "9:14 subtree move_joints needs the name of its port: write "
      "with: {joints: {joint_1: 20 deg}}", f"      {MOVE}"),
     ("gripper: open", "gripper: {joint_4: -0.3, joint_5: -0.3}", "7:53 joint_5 = "
-     "-17.189 deg contradicts joint_4 = -17.189 deg; it follows, as -1 times joint_4: leave "
+     "-17.189 deg contradicts joint_4 = -17.189 deg: joint_5 is always -1 times joint_4; leave "
      "joint_5 out", "      with: {arm: upright, gripper: {joint_4: -0.3}}"),
     ("arm: upright", "arm: open", "7:19 the arm has joint_1, joint_2, joint_3, not "
      "joint_4; saved poses that fit are upright, right, folded", f"      {REACH}"),

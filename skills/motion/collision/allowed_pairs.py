@@ -1,7 +1,7 @@
-"""Finds by sampling the pairs of links that need no check, as MoveIt's Setup Assistant does.
+"""Finds the pairs of links that need no check, by sampling, as MoveIt's Setup Assistant does.
 
-The reasons are those of its `collision_default`. Neighbours touch by design. Some pairs touch in
-every configuration, some in none, and some at the start of the arm.
+The reasons have the names that MoveIt uses. Neighbours touch by design. Other pairs touch in every
+configuration, in no configuration, or in the start configuration of the arm.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
@@ -41,9 +41,9 @@ class AllowedPairs:
         reasons: `adjacent`, `always`, `never` or `default`, by the pair of links.
         count: Number of pairs of links that move against each other.
         boot: Configuration in which the arm may start [rad].
-        nearest: The closest checked links in `boot`, or None if no links are checked.
-        poses: The given poses without collision. Each pose is moved towards the start until the arm
-            is free, with its other joints at the start.
+        nearest: The closest two of the checked links in `boot`; None if no links are checked.
+        poses: The given poses, by name. A pose in collision is moved towards `boot` until the arm
+            is free. Joints that the pose does not name are at their `boot` positions.
     """
 
     reasons: Mapping[tuple[str, str], str]
@@ -58,11 +58,12 @@ def find_allowed_pairs(
 ) -> AllowedPairs:
     """Find the pairs of links that need no check, and a free configuration for the start.
 
-    Adjacent: no other link with a shape is between them. Always: closer than the margin in 95 % of
-    the samples. Never: their convex hulls keep the margin plus 10 mm in all 10,000 samples.
-    Default: closer than the margin at the boot positions. This reason is used only if the arm is in
-    collision there, in the middle of its limits, and in all samples. Otherwise the arm starts in
-    the free sample that is nearest to the middle.
+    A pair is `adjacent` if no other link with a shape is between the two links. It is `always` if
+    the links are closer than the margin in 95 % of the samples. It is `never` if their convex hulls
+    keep the margin plus 10 mm in all 10,000 samples. It is `default` if the links are closer than
+    the margin at the boot positions. The reason `default` is used only if the boot positions, the
+    middle of the limits and all samples are in collision. Otherwise, if the boot positions are in
+    collision, the arm starts in the free sample that is nearest to the middle of the limits.
 
     Args:
         robot: The robot, with its margin and boot positions. Its allowed pairs are ignored.
@@ -117,9 +118,9 @@ def _scene(
 def _free_pose(
     robot: Robot, checker: CollisionChecker, boot: tuple[float, ...], pose: Mapping[str, float]
 ) -> Mapping[str, float]:
-    """Return the free position closest to a pose on the line from the start to it.
+    """Return the free configuration that is closest to a pose, on the line from `boot` to the pose.
 
-    The samples include both ends of the line.
+    Samples of the line are tried, from the pose to `boot`. If none is free, the result is `boot`.
     """
     for share in _SHARES:
         ends = [pose.get(joint.name, q) for joint, q in zip(robot.actuated, boot, strict=True)]

@@ -54,7 +54,7 @@ class BodyMeshes:
 
 
 def mesh_stamps(world: World) -> list[Stamp | None]:
-    """Return inode, size and time of each mesh file of a world; None for a missing file."""
+    """Return inode, size and time of each mesh file of a world; None if a file is missing."""
     return [_stamp(body.shape) for body in world.bodies if isinstance(body.shape, Mesh)]
 
 

@@ -1,4 +1,4 @@
-"""Checks of the hulls of links, many pairs at many configurations."""
+"""Checks the convex hulls of links for collision: many pairs at many configurations at once."""
 
 import math
 from abc import ABC, abstractmethod

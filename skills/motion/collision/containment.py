@@ -1,4 +1,4 @@
-"""Detects shapes that are completely inside a mesh. coal finds no contact with its surface.
+"""Detects shapes that are completely inside a mesh, where coal finds no contact with its surface.
 
 Links of the robot and closed meshes of the world are solid. An open mesh of the world may be a tray
 or a room with a door, so its inside is free.
@@ -19,8 +19,8 @@ from .planning_scene import PlanningScene
 class ContainmentChecker:
     """Finds shapes inside meshes of a scene. Not thread-safe.
 
-    The check uses one point of each shape, because its surface touches no mesh. Therefore it checks
-    only one part of a mesh that consists of several parts.
+    The check uses only one point of each shape. This is enough if no surfaces touch, except for a
+    mesh that consists of several parts: only one part is then checked.
 
     Args:
         scene: The scene.

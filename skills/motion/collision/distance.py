@@ -1,10 +1,10 @@
-"""Signed distance between two shapes: their gap, or minus their penetration depth.
+"""Computes the signed distance of two shapes: their gap, or minus their penetration depth.
 
-The penetration depth is the shortest translation that separates two shapes. For meshes, coal knows
-only the depth of single triangles, not of the whole mesh. A translation by the penetration depth of
-the hulls always separates the shapes; for convex shapes it is the shortest. For other shapes, a
-search looks for shorter translations, unless they have very many triangles. Therefore the result is
-never too small.
+The penetration depth is the length of the shortest translation that separates two shapes. For
+meshes, coal computes only the depth of single triangles. A translation by the penetration depth of
+the hulls always separates the shapes; for convex shapes it is the shortest one. For other shapes, a
+search looks for a shorter translation, unless they have very many triangles. The computed depth is
+therefore never too small.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Checks of a query's start, via points and goal: limits and collisions."""
+"""Checks the start, via points and goal of a query: joint limits and collisions."""
 
 from itertools import pairwise
 
@@ -110,5 +110,5 @@ class EndpointChecker:
 
 
 def _names(count: int) -> list[str]:
-    """Return the names of the via points between start and goal; the names of these are empty."""
+    """Return the names of all points of a query for messages; start and goal have empty names."""
     return ["", *(f"via point {i}" for i in range(1, count - 1)), ""]

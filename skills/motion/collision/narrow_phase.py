@@ -1,4 +1,4 @@
-"""Checks of exact shapes: primitives, and the triangles of meshes."""
+"""Checks the exact shapes of links for collision: primitives, and triangles of meshes."""
 
 from collections.abc import Callable, Iterable
 from functools import cached_property

@@ -78,7 +78,7 @@ class PlanningScene:
         robot_model: RobotModel | None = None,
         meshes: BodyMeshes | None = None,
     ) -> None:
-        # Taken before the meshes are read, to notice later changes.
+        # Read before the meshes are read, so that later changes of a file are noticed.
         self._mesh_stamps = mesh_stamps(world)
         self.robot_model = model = robot_model or RobotModel(robot)
         self.kinematics = model.kinematics
@@ -117,7 +117,7 @@ class PlanningScene:
     def ends(self, geometry: pin.GeometryModel) -> NDArray[np.intp]:
         """Return the indices of the two shapes of each pair of a geometry (P, 2).
 
-        pinocchio takes microseconds to give one pair.
+        To ask pinocchio would take microseconds for each pair.
         """
         return self._exact_ends if geometry is self.exact else self._hull_ends
 
@@ -131,10 +131,10 @@ class PlanningScene:
         return name in self._bodies
 
     def exact_pairs_of(self, pair: int) -> ShapePairs:
-        """Return the pairs of exact shapes of the links of a pair of `hulls`.
+        """Return the pairs of exact shapes for two links, given by their pair of `hulls`.
 
-        A mesh touches the floor exactly if its hull touches it. coal checks a hull a hundred times
-        faster.
+        For meshes and the floor, it returns the pair of hulls: a mesh touches the floor exactly if
+        its hull touches the floor, and coal checks a hull a hundred times faster.
         """
         links = frozenset(self.hull_links[hull] for hull in self._hull_ends[pair])
         pairs = self._exact_pairs[links]
@@ -146,7 +146,7 @@ class PlanningScene:
 
     @cached_property
     def _exact_pairs(self) -> dict[frozenset[str], list[int]]:
-        """The pairs of `exact` of each two links."""
+        """Indices of the pairs of `exact`, by the two links of each pair."""
         found = dict[frozenset[str], list[int]]()
         for k, links in enumerate(self.linked_pairs(self.exact)):
             found.setdefault(frozenset(links), []).append(k)
@@ -178,7 +178,7 @@ class PlanningScene:
     def _body_shapes(
         self, body: Body, meshes: BodyMeshes
     ) -> tuple[pin.GeometryObject, pin.GeometryObject, EnclosedVolume | None]:
-        """Return a body's exact shape and its hull, and for a mesh the volume inside it."""
+        """Return the exact shape of a body, its hull, and the volume inside a mesh, else None."""
         try:
             frame = self.robot_model.frame_index(body.link)
         except BadWorld as error:
@@ -215,7 +215,11 @@ class PlanningScene:
     def _add_pairs(
         self, geometry: pin.GeometryModel, rules: CollisionRules, most: int
     ) -> NDArray[np.intp]:
-        """Add the pairs to check, and return their ends; see `ends`."""
+        """Set the pairs of shapes to check. Return the indices of their two shapes (P, 2).
+
+        Raises:
+            BadWorld: There are more than `most` pairs.
+        """
         checked = self._checked_pairs(geometry, self._links(geometry), rules)
         ends = np.argwhere(checked)
         if len(ends) > most:
@@ -231,7 +235,7 @@ class PlanningScene:
     def _checked_pairs(
         self, geometry: pin.GeometryModel, links: list[str], rules: CollisionRules
     ) -> Mask:
-        """Return True for each two shapes that must not touch, above the diagonal (G, G)."""
+        """Return a matrix (G, G) of all shapes: True for each pair to check, above the diagonal."""
         joints = np.array([shape.parentJoint for shape in geometry.geometryObjects], dtype=np.intp)
         numbers = {link: number for number, link in enumerate(dict.fromkeys(links))}
         may_touch = np.zeros((len(numbers), len(numbers)), bool)
@@ -254,11 +258,14 @@ class PlanningScene:
 def part_of(
     geometry: pin.GeometryModel, ends: NDArray[np.intp]
 ) -> tuple[pin.GeometryModel, NDArray[np.intp]]:
-    """Return a geometry of some pairs, in the same order, with only their shapes, and its ends.
+    """Return a new geometry with only some pairs of another one, and with only their shapes.
 
     Args:
-        geometry: All shapes.
-        ends: Indices of the two shapes of each pair, in the order of the geometry's pairs (P, 2).
+        geometry: The other geometry, with all shapes.
+        ends: Indices of the two shapes of each pair to keep, in the order of its pairs (P, 2).
+
+    Returns:
+        The new geometry, and the indices of the two shapes of each pair in it (P, 2).
     """
     part, (used, places) = pin.GeometryModel(), np.unique(ends, return_inverse=True)
     for shape in used.tolist():

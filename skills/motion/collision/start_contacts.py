@@ -1,4 +1,4 @@
-"""Contacts in which a motion starts. It may leave them, but deepens none by more than 1 mm.
+"""Contacts in which a motion starts. The motion must not deepen a contact by more than 1 mm.
 
 A folded arm rests on itself or on the table. Measured positions, meshes and calibration are exact
 only to some millimetres, so such an arm may seem to overlap slightly.
@@ -22,8 +22,8 @@ class StartContacts:
         margin: Distance to keep [m].
 
     Attributes:
-        checker, start: The same.
-        pairs: The links of each contact.
+        checker, start: See the arguments.
+        pairs: The two links of each contact.
         lever_arms: Lever arms of each contact (P, A) [m/rad].
     """
 
@@ -39,7 +39,7 @@ class StartContacts:
         return min(self._contacts.values(), key=lambda contact: contact.distance)
 
     def at_start(self, contact: Contact) -> Contact:
-        """Return the contact of the same links at the start."""
+        """Return the contact that the same two links have at the start."""
         return next(each for each in self._contacts.values() if each[:2] == contact[:2])
 
     def clearance(self, configuration: Array) -> float:
@@ -61,7 +61,7 @@ class StartContacts:
         """
         found, moved = list[tuple[int, Contact]](), abs(configurations - self.start)
         for pair, contact in self._contacts.items():
-            # Half a gap at most, so that several motions together cannot close it.
+            # At most half of a gap, so that several motions together cannot close the gap.
             gap = contact.distance
             closer_by = min(_TOLERANCE, 0.5 * gap) if gap > 0.0 else _TOLERANCE
             travels = moved @ self.checker.scene.lever_arms[pair]

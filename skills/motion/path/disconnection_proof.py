@@ -40,7 +40,10 @@ def check_passable(validator: MotionValidator, start: Array, goal: Array) -> Non
 
 
 def _single_joint_goals(group: JointGroup, joint: int, start: Array, goal: Array) -> list[Array]:
-    """Return goals of single-joint motions, of which every path contains one; empty if unknown."""
+    """Return the goals of motions of a single joint; every path contains one of these motions.
+
+    The list is empty if this is not known for the joint.
+    """
     end = start.copy()
     end[joint] = goal[joint]
     if np.isfinite([group.lower[joint], group.upper[joint]]).any():

@@ -80,7 +80,7 @@ class MotionValidator:
         return ~self.checker.collisions(self.full(points), self.margin)
 
     def sampled_collision(self, points: Array) -> Array | None:
-        """Return the first of points that violates the margin (N, J) -> (J,) [rad], or None."""
+        """Return the first point that violates the margin (N, J) -> (J,) [rad], or None."""
         hit = self.checker.first_collision(self.full(points), self.margin)
         return None if hit is None else points[hit]
 

@@ -1,4 +1,4 @@
-"""Checks of a motion as the board will play it, row after row."""
+"""Checks a motion as the board will execute it, along straight lines from row to row."""
 
 from collections.abc import Iterator, Sequence
 
@@ -45,7 +45,7 @@ def verify_contacts(contacts: StartContacts, request: Verify) -> None:
     """Check that a motion deepens no contact in which it starts.
 
     Raises:
-        MotionCollides: It deepens a contact. The error has the first one.
+        MotionCollides: The motion deepens a contact. The error has the first such contact.
         PlanTimeout: The deadline passed.
     """
     if deeper := first_deeper(contacts, np.asarray(request.configurations)):
@@ -53,10 +53,10 @@ def verify_contacts(contacts: StartContacts, request: Verify) -> None:
 
 
 def first_deeper(contacts: StartContacts, rows: Array) -> tuple[float, Contact] | None:
-    """Return where a motion along rows (N, A) [rad] first deepens a contact, or None.
+    """Return the first place at which a motion along rows (N, A) [rad] deepens a contact, or None.
 
     Returns:
-        The place as a fractional row number, and the contact there.
+        The place as a fractional row number, and the contact at this place.
 
     Raises:
         PlanTimeout: The deadline passed.

@@ -1,6 +1,6 @@
 """Retraction: moves an arm out of the contacts in which a motion starts.
 
-Each step moves one or two joints, and takes the links in contact further apart.
+Each step moves one or two joints, so that the links in contact move apart.
 """
 
 import math
@@ -39,7 +39,7 @@ def retract(
 
     Args:
         contacts: Contacts of the start.
-        others: Checks all other pairs of links.
+        others: Checks all pairs of links that are not in contact at the start.
         every: Checks all pairs of links.
         start: The start (J,) [rad].
 

@@ -38,8 +38,8 @@ def find_paths(
 ) -> Iterator[Array]:
     """Yield paths from start to one of the goals (N, J) [rad], with edges that seem free.
 
-    The caller takes another path only if an edge is not free. A joint without limits is searched up
-    to half a turn beyond start and goal.
+    The caller needs another path only if an edge is not free. For a joint without limits, the
+    search includes positions up to half a turn beyond start and goal.
 
     Args:
         validator: Checks motions of the group.
@@ -117,7 +117,7 @@ class _Tree:
         return len(self._parents)
 
     def way(self, number: int) -> list[int]:
-        """Return the numbers of the points on the way from a point to its root."""
+        """Return the numbers of the points from a point to its root, along edges of the tree."""
         way = []
         while number >= 0:
             way.append(number)
@@ -155,7 +155,11 @@ class _Tree:
         return last if free == edges else None
 
     def verify(self, way: list[int]) -> None:
-        """Check all edges of a way, and remove the points behind the first one that is not free."""
+        """Check all edges of a way. Remove the points after the first edge that is not free.
+
+        Args:
+            way: Result of the method `way`.
+        """
         for number in way[-2::-1]:
             parent = self._parents[number]
             line = self.points[parent], self.points[number]

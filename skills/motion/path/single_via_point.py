@@ -1,9 +1,9 @@
-"""A path through a single via point around an obstacle, tried before the search.
+"""Finds a path through a single via point around an obstacle. It is tried before the search.
 
-The path has a bend or a corner there. It is faster to find than a searched path, and mostly
-shorter. The candidate via points are a low-discrepancy sequence: they cover the joint space around
-both ends evenly, and are not random. They are tried in the order of their path lengths. A fast
-filter first drops candidates that collide. It checks only a few pairs of links: the pairs that
+The path has a bend or a corner at the via point. It is found faster than a searched path, and is
+mostly shorter. The candidate via points are a low-discrepancy sequence: they cover the joint space
+around both ends evenly, and are not random. They are tried in the order of their path lengths. A
+fast filter first drops candidates that collide. It checks only a few pairs of links: the pairs that
 collide on the straight line, and the pairs that collided on a tried bend.
 """
 

@@ -1,4 +1,4 @@
 """The robot model for planning: joints, shapes of links, and bounds on their travel.
 
-The forward kinematics for all rooms is in `hardware/description/forward_kinematics.py`.
+All packages use the forward kinematics in `hardware/description/forward_kinematics.py`.
 """

@@ -31,7 +31,7 @@ def corners(shape: pin.GeometryObject) -> Array:
 
 
 def convex_hull(shapes: Sequence[pin.GeometryObject]) -> coal.ConvexBase:
-    """Return a convex shape around shapes of one joint, in the joint's frame.
+    """Return a convex shape that contains several shapes of one joint, in the joint's frame.
 
     The hull is at least 0.1 mm thick. If one of its points has too many neighbours for coal, the
     result is the hull of the shapes' bounding boxes.
@@ -54,7 +54,7 @@ def convex_hull(shapes: Sequence[pin.GeometryObject]) -> coal.ConvexBase:
 class EnclosedVolume:
     """The volume inside a triangle mesh.
 
-    Most volumes are never used, so `contains` reads the triangles at its first call.
+    Most volumes are never used. Therefore the triangles are read at the first call of `contains`.
 
     Args:
         mesh: The mesh.

@@ -12,7 +12,7 @@ _MAX_GOALS = 64  # largest number of equivalent goals: enough for six continuous
 
 
 class JointGroup:
-    """Actuated joints of a planning group, in the order of `robot.actuated_in(name)`.
+    """The actuated joints of one planning group, in the order of `robot.actuated_in(name)`.
 
     Args:
         robot: The robot.
@@ -21,10 +21,10 @@ class JointGroup:
     Attributes:
         name: Name of the group.
         joints: The joints (J).
-        names: Their names (J).
-        columns: Their indices in `robot.actuated` (J,).
-        lower: Lower limits (J,) [rad]. They include the limits of mimic joints, converted to their
-            leaders.
+        names: Names of the joints (J).
+        columns: Indices of the joints in `robot.actuated` (J,).
+        lower: Lower limits (J,) [rad]. The limits of mimic joints are included: they are converted
+            to limits of their leaders.
         upper: Upper limits (J,) [rad].
         continuous: True for each joint whose pose repeats after a whole turn (J,). False for a
             continuous joint with mimic joints.

@@ -1,8 +1,8 @@
 """Upper bounds on the motion of two shapes against each other when joints move.
 
-They tie the step of continuous collision checking to the margin (F. Schwarzer, M. Saha and J.-C.
-Latombe, "Adaptive dynamic collision checking for single and multiple articulated robots in complex
-environments", IEEE Transactions on Robotics 21, 2005).
+From these bounds and the margin follows the step of continuous collision checking (F. Schwarzer,
+M. Saha and J.-C. Latombe, "Adaptive dynamic collision checking for single and multiple articulated
+robots in complex environments", IEEE Transactions on Robotics 21, 2005).
 
 For a shape and a joint j that carries it, lever_arm(j) bounds the travel of every point of the
 shape per unit of the joint, in any configuration [m/rad]. For a revolute joint, it is the largest
@@ -13,11 +13,11 @@ dq, the points of two shapes move against each other by at most
 
     travel(dq) = sum of lever_arm(j) |dq_j|    over the joints that carry one of them, not both
 
-and so the distance between the shapes changes by no more. If they keep
+so the distance between the shapes changes by at most this travel. If two shapes keep the distance
 
     margin / 2 + travel(dq / 2)
 
-in the middle of a line of length dq, they keep half the margin along all of it.
+in the middle of a line of length dq, they keep half of the margin along the whole line.
 
 The floor stays the same plane when it turns about the vertical or slides along itself. A joint with
 only such motions moves nothing closer to the floor. The floor may therefore count as carried by
@@ -119,7 +119,10 @@ def travel_bounds(robot: Robot, shapes: Sequence[LeverArms], ends: NDArray[np.in
 
 
 def _motion(model: pin.Model, data: pin.Data, joint: int) -> Array:
-    """Return a joint frame's velocity per unit of the joint, in that frame: linear, angular."""
+    """Return the velocity of a joint's frame per unit of the joint (6,): linear, then angular.
+
+    It is expressed in the frame of the joint.
+    """
     jacobian = pin.computeJointJacobian(model, data, pin.neutral(model), joint)
     columns = jacobian.reshape(6, -1)  # pinocchio returns a vector for one joint
     return np.asarray(columns[:, model.joints[joint].idx_v], dtype=np.float64)

@@ -31,17 +31,17 @@ class RobotModel:
 
     Attributes:
         joints: Names of the actuated joints, the columns of every configuration (A).
-        units: Units of their positions (A).
+        units: Unit of the position of each joint: `rad` or `m` (A).
         kinematics: pinocchio's model. A mimic joint has no coordinate of its own. A continuous
             joint has its angle as its coordinate.
         exact: Collision shapes of the URDF: primitives and meshes.
         hulls: Convex hull of each link's shapes.
-        exact_links: Link of each of `exact`.
-        hull_links: Link of each of `hulls`.
+        exact_links: Name of the link of each shape in `exact`.
+        hull_links: Name of the link of each hull in `hulls`.
         links: Index of the frame of each link.
         names: Names of all frames and shapes.
         volumes: Volume inside each shape of `exact`; None for a primitive.
-        lever_arms: Lever arms of each of `hulls`.
+        lever_arms: Lever arms of each hull in `hulls`; see `motion_bounds`.
         floor_lever_arms: Lever arms of the floor.
 
     Raises:

@@ -1,4 +1,4 @@
-"""A turn of a tool in place: by roll, pitch and yaw, as people see them."""
+"""Computes the turn of a tool in place by roll, pitch and yaw."""
 
 import math
 
@@ -19,7 +19,7 @@ _BACK = -0.5  # cosine of the angle between ahead and a tool that points back at
 
 
 def axes_across(axis: Array) -> Array:
-    """Return two axes of a tool that fix its orientation: the given one, and one across (2, 3).
+    """Return two axes that define a tool's orientation: its axis, and a perpendicular one (2, 3).
 
     Args:
         axis: Axis of the tool, of length 1 (3,).
@@ -29,19 +29,19 @@ def axes_across(axis: Array) -> Array:
 
 
 def turned(axes: Array, turn: Vector, tool: Array, wrist: Array, base: Array) -> Array:
-    """Return axes from `axes_across`, as they are in the root frame, after a turn (2, 3).
+    """Return two axes of a tool after a turn, in the root frame (2, 3).
 
-    The pitch is about the horizontal line across the tool's axis. It is upwards. For a tool that
-    points back at the base, within 60 deg, it is downwards: it continues the pitch of a tool over
-    the vertical, so that the opposite pitch brings the tool back. If the tool's axis is within
-    1 deg of the vertical, the line is across the arm.
+    The pitch is about the horizontal line perpendicular to the tool's axis. A positive pitch is
+    upwards. For a tool that points back at the base, within 60 deg, it is downwards: this continues
+    a pitch beyond the vertical, so that the opposite pitch brings the tool back. If the tool's axis
+    is within 1 deg of the vertical, the line is perpendicular to the arm.
 
     Args:
-        axes: The axes before the turn, of length 1 (2, 3).
+        axes: Axes from `axes_across` in the root frame before the turn, of length 1 (2, 3).
         turn: Roll about the tool's axis, then pitch, then yaw about the vertical [rad].
         tool: Position of the tool (3,) [m].
-        wrist: Position of the last joint that moves it (3,) [m].
-        base: Position of the first joint that moves it (3,) [m].
+        wrist: Position of the last joint that moves the tool (3,) [m].
+        base: Position of the first joint that moves the tool (3,) [m].
     """
     # Not the tool itself: it may be beside the axis of the wrist, and then beside the arm's plane.
     ahead = wrist + (tool - wrist) @ axes[0] * axes[0] - base
@@ -56,7 +56,7 @@ def turned(axes: Array, turn: Vector, tool: Array, wrist: Array, base: Array) ->
 
 
 def turn_tolerance(axes: Array, targets: Array) -> float:
-    """Return the largest angle of an axis from its target that is still a turn [rad].
+    """Return the largest angle between an axis and its target that counts as reached [rad].
 
     Args:
         axes: The axes before the turn, of length 1 (2, 3).

@@ -1,1 +1,1 @@
-"""Timing: trapezoidal profiles on lines, TOPP-RA on curves, and the rest of stopped motions."""
+"""Timing of motions: trapezoidal profiles on lines, TOPP-RA on curves, and stopped motions."""

@@ -1,4 +1,4 @@
-"""The rest of a motion that was stopped, timed again from standstill."""
+"""Times the rest of a motion that was stopped, from standstill."""
 
 import math
 import sys
@@ -18,7 +18,7 @@ from skills.motion.validation import is_number
 
 from .time_parameterization import time_curve
 
-_SHORT = 1e-9  # largest length of a remaining path that becomes a line [rad]
+_SHORT = 1e-9  # a remaining path that is not longer than this becomes a line [rad]
 
 
 def _check(request: Rest) -> None:
@@ -38,17 +38,17 @@ def _check(request: Rest) -> None:
 
 
 def remaining_plan(request: Rest, group: JointGroup, actuated: Sequence[Joint]) -> Plan:
-    """Return the rest of the path from the stop, timed again from standstill.
+    """Return a plan for the rest of a path, from the stop to the goal, timed from standstill.
 
     Args:
-        request: The motion, and where it was stopped.
+        request: The motion, and the time and position at which it was stopped.
         group: The group that moves.
         actuated: All actuated joints (A).
 
     Raises:
         NotFinite: A number of the request is NaN or infinite.
         BadQuery: The request is not valid, the plan is of other joints, the arm is not on the path,
-            or it would have to stop on the rest.
+            or the arm would have to stop on the rest of the path.
     """
     _check(request)
     plan = request.plan
@@ -74,6 +74,9 @@ def remaining_plan(request: Rest, group: JointGroup, actuated: Sequence[Joint]) 
 
 
 def _waypoints_ahead(waypoints: Array, length: float) -> Array:
-    """Return the waypoints whose distance from the end, along the polyline, is below a length."""
+    """Return the last waypoints: those whose distance from the goal is less than a length.
+
+    The distance is measured along the lines between the waypoints.
+    """
     left = np.cumsum(norms(np.diff(waypoints, axis=0))[::-1])[::-1]
     return waypoints[1:][np.append(left[1:], 0.0) < max(length, _SHORT)]

@@ -1,4 +1,4 @@
-"""Time parameterization of a curve: time-optimal under velocity and acceleration limits."""
+"""Time parameterization of a curve: the fastest motion within velocity and acceleration limits."""
 
 import math
 from itertools import pairwise
@@ -15,17 +15,17 @@ from .toppra import time_section
 def time_curve(
     curve: Curve, velocity: Array, acceleration: Array, acceleration_sum: float = math.inf
 ) -> TimeLaw | None:
-    """Return the time law of a curve. The motion rests at both ends and at its stops.
+    """Return the fastest time law for a curve. The motion stands still at both ends and at stops.
 
     Args:
         curve: The path.
         velocity: Velocity limits (J,) [rad/s].
         acceleration: Acceleration limits (J,) [rad/s2].
         acceleration_sum: Largest sum of the absolute accelerations of all joints [rad/s2]. If the
-            motion exceeds it, all of it is slowed down.
+            motion exceeds this sum, the whole motion is slowed down.
 
     Returns:
-        The time law, or None if the motion would have to stop in between. This happens only on
+        The time law; None if the motion would have to stop at another place. This happens only on
         blends.
     """
     if not curve.length:
@@ -42,7 +42,10 @@ def time_curve(
 def _time_section(
     curve: Curve, begin: float, end: float, velocity: Array, acceleration: Array
 ) -> TimeLaw | None:
-    """Return the time law between two stops: trapezoidal on a single line, else by TOPP-RA."""
+    """Return the time law between two stops; None if the motion would have to stop between them.
+
+    On a single line, it is a trapezoidal profile. Else, TOPP-RA computes it.
+    """
     inside = [place for place in curve.breaks.tolist() if begin < place < end]
     piece = np.searchsorted(curve.breaks, begin, side="right") - 1
     if inside or curve.quadratic[piece].any():
@@ -51,7 +54,7 @@ def _time_section(
 
 
 def line_duration(step: Array, velocity: Array, acceleration: Array) -> float:
-    """Return the duration of a straight motion from rest to rest [s].
+    """Return the duration of a straight motion that starts and ends at standstill [s].
 
     Args:
         step: Change of each joint (J,) [rad].

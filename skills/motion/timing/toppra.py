@@ -1,20 +1,21 @@
-"""TOPP-RA: the fastest time law of a curve, by reachability analysis.
+"""TOPP-RA: computes the fastest time law of a curve by reachability analysis.
 
 Hung Pham and Quang-Cuong Pham, "A new approach to time-optimal path parameterization based on
 reachability analysis", IEEE Transactions on Robotics 34 (2018). With x = (ds/dt)^2 and u = d2s/dt2,
 the acceleration of a joint is q' u + q'' x. The grid contains every break of the curve, and u is
-constant between two grid points. Between them q' and x are linear in s and q'' is constant, so the
-acceleration is linear in s: an interval keeps the limit if both its ends keep it, both with the q''
-of that interval. The speed q' sqrt(x) can be higher between two grid points than at both. If it
-exceeds its limit there, the bounds on x are lowered, and the problem is solved again. Finally the
-whole motion is slowed by the remaining excess.
+constant between two grid points. Between them, q' and x are linear in s and q'' is constant, so the
+acceleration is linear in s. An interval therefore keeps an acceleration limit if both its ends keep
+this limit, with the q'' of this interval. The speed q' sqrt(x) can be higher between two grid
+points than at both points. If it exceeds its limit between them, the bounds on x are lowered, and
+the problem is solved again. At the end, the whole motion is slowed down by the remaining excess.
 
 Let y be the x at the upper end of an interval; then u = (y - x) / (2 step). Every limit is a strip
 |a x + b y| <= c. All pairs (x, y) that keep the limits of an interval are a convex polygon with the
 corner (0, 0). Two passes solve the problem exactly. The backward pass finds the largest x from
-which the motion can stop at the end. The forward pass finds the largest reachable y below these
-bounds. The smallest x is always 0, because standing still keeps every limit. A pass only takes the
-smallest of a few lines at each grid point; everything else is computed for all intervals at once.
+which the motion can still stop at the end of the curve. The forward pass finds the largest
+reachable y below these bounds. The smallest x is always 0, because a motion that stands still keeps
+every limit. At each grid point, a pass only computes the minimum of a few lines. Everything else is
+computed for all intervals at once.
 """
 
 import numpy as np
@@ -29,7 +30,7 @@ _MAX_SPEED = 1e3  # bound on ds/dt at the tip of a cusp, where all joints stand 
 _NEGLIGIBLE = 1e-12  # coefficients of a strip below this share of the other one count as 0
 _MAX_STEPS = 100  # largest number of steps of Newton's method; it needs two or three
 _MAX_SOLUTIONS = 4  # largest number of solutions, each with lower bounds than the previous one
-_SLIGHTLY = 1.0001  # factor by which a speed may exceed its limit without another solution
+_SLIGHTLY = 1.0001  # if a speed exceeds its limit by at most this factor, no more solutions follow
 
 
 def time_section(
@@ -39,12 +40,12 @@ def time_section(
 
     Args:
         curve: The path.
-        breaks: Its breaks from one stop to the next, with both stops (M + 1,).
+        breaks: Breaks of the curve from one stop to the next stop, with both stops (M + 1,).
         velocity: Velocity limits (J,) [rad/s].
         acceleration: Acceleration limits (J,) [rad/s2].
 
     Returns:
-        The time law, or None if the motion would have to stop in between.
+        The time law; None if the motion would have to stop between the two stops.
     """
     grid = _grid(breaks, curve.intervals(breaks), velocity, acceleration)
     slopes = curve.intervals(grid)
@@ -58,7 +59,7 @@ def time_section(
         fast = _speed_ratios(law, slopes, velocity)
         if fast.max() <= _SLIGHTLY:
             break
-        # Larger ratio of the two intervals at each grid point.
+        # At each grid point: the larger ratio of the two intervals that meet at this point.
         around = np.maximum([*fast, 1.0], [1.0, *fast])
         most = np.where(around > 1.0, np.minimum(most, squares / np.square(around)), most)
     hard = law.acceleration_ratios(slopes, acceleration).max()
@@ -66,7 +67,7 @@ def time_section(
 
 
 class _Polygons:
-    """All (x, y) that keep the acceleration limits, for each interval of a grid.
+    """The polygons of all (x, y) that keep the acceleration limits: one per interval of a grid.
 
     Args:
         grid: Ends of the intervals (K + 1,).
@@ -87,7 +88,7 @@ class _Polygons:
         self._y_lines = list(zip(self._y_slopes.tolist(), self._y_widths.tolist(), strict=True))
 
     def solve(self, most: Array) -> Array:
-        """Return the largest x at the grid points, from rest to rest (K + 1,).
+        """Return the largest x at each grid point; x is 0 at both ends of the grid (K + 1,).
 
         Args:
             most: Bounds on x (K + 1,).
@@ -105,8 +106,8 @@ class _Polygons:
     def _vertices(self, most: Array) -> tuple[list[float], list[float]]:
         """Return the largest x of each polygon, and the smallest y at this x, (K,) each.
 
-        The upper end of the range of y is concave in x, and its lower end is convex. Newton's
-        method approaches the x at which the two ends meet, from above.
+        For each x, y has an upper bound, which is concave in x, and a lower bound, which is convex.
+        Newton's method approaches the x at which the two bounds meet, from larger x.
         """
         rows, zeros = np.arange(len(most) - 1), np.zeros((len(most) - 1, 1))
         slopes = np.hstack((self._y_slopes, zeros))
@@ -132,12 +133,12 @@ class _Polygons:
 
 
 def _lowest(lines: tuple[list[float], list[float]], place: float) -> float:
-    """Return the smallest value that the given lines have at a place."""
+    """Return the smallest value of several lines, given by slopes and widths, at a place."""
     return min([width - slope * place for slope, width in zip(*lines, strict=True)])
 
 
 def _strips(a: Array, b: Array, c: Array) -> tuple[Array, Array]:
-    """Return slopes and widths so that |a x + b y| <= c is |x + slope * y| <= width (K, N).
+    """Return slopes and widths (K, N) that write |a x + b y| <= c as |x + slope * y| <= width.
 
     If the coefficient of x is negligible, the width is infinite.
     """
@@ -151,16 +152,17 @@ def _max_squares(slopes: Slopes, velocity: Array) -> Array:
     """Return the largest squared path speed at each grid point (K + 1,)."""
     steepest = np.vstack((abs(slopes.lower), np.zeros_like(slopes.lower[:1])))
     steepest[1:] = np.maximum(steepest[1:], abs(slopes.upper))
-    with np.errstate(divide="ignore", over="ignore"):  # a joint at rest gives no bound
+    with np.errstate(divide="ignore", over="ignore"):  # a joint that does not move has no bound
         speeds = np.min(velocity / steepest, axis=1)
     squares: Array = np.minimum(speeds, _MAX_SPEED) ** 2
     return squares
 
 
 def _grid(breaks: Array, pieces: Slopes, velocity: Array, acceleration: Array) -> Array:
-    """Return the grid: all breaks, even points between them, and the ends of both ramps.
+    """Return the grid: all breaks, evenly spaced points between them, and two more points.
 
-    The ends of the first and the last ramp make the time law exact on the lines at both ends.
+    The two points are the end of the acceleration at the start, and the start of the deceleration
+    at the end. With them, the time law is exact on the lines at both ends.
     """
     even = _even_grid(breaks)
     lower, upper, second = pieces
@@ -191,10 +193,10 @@ def _time_law(grid: Array, speeds: Array) -> TimeLaw:
 
 
 def _speed_ratios(law: TimeLaw, slopes: Slopes, velocity: Array) -> Array:
-    """Return the largest joint speed in each interval, as a share of its limit (K,).
+    """Return for each interval the largest joint speed, as a share of its limit (K,).
 
-    Within an interval, the squared speed is p(s)^2 x(s), with p and x linear in s. Its maximum is
-    at an end of the interval, or at the s with 2 p' x + p x' = 0.
+    In an interval, the squared speed is p(s)^2 x(s), where p and x are linear in s. The maximum is
+    at an end of the interval, or at the s for which 2 p' x + p x' = 0.
     """
     p0, _, p1 = slopes
     squares, steps = np.square(law.speeds)[:, None], np.diff(law.positions)[:, None]

@@ -1,1 +1,1 @@
-"""A motion as values: its path as a curve, its time law, and both as a plan."""
+"""Types of a motion: the curve of its path, its time law, and the plan that has both."""

@@ -1,8 +1,8 @@
-"""The geometric path: straight lines with parabolic blends, exact at every point.
+"""The path of a motion as a curve: straight lines and parabolic blends, exact at every point.
 
-The parameter s is the length along the polyline through the waypoints, in joint space [rad]. A
-blend of radius r replaces a length r before and after a waypoint by the parabola that is tangent to
-both lines, at the same rate of s. With unit directions d and e before and after,
+The parameter s is the length along the lines between the waypoints, in joint space [rad]. A blend
+of radius r replaces a length r before and after a waypoint by the parabola that is tangent to both
+lines. With the unit direction d before the waypoint and the unit direction e after it,
 
     q(u) = q_corner - r d + u d + u^2 (e - d) / (4 r),      0 <= u <= 2 r
 
@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from skills.motion.arrays import Array, norms, readonly
 
-_SAME = 1e-9  # a break closer ahead counts as passed, because a very short piece cannot be timed
+_SAME = 1e-9  # a break at most this far ahead counts as passed: a very short piece cannot be timed
 
 
 class Slopes(NamedTuple):
-    """Derivatives of a curve in intervals of s, each within one piece.
+    """Derivatives of a curve in intervals of s. Each interval is within one piece of the curve.
 
     Attributes:
         lower: dq/ds at the lower ends (K, J).
@@ -41,11 +41,12 @@ class Curve:
     The parameter u is s minus the first break of the piece.
 
     Attributes:
-        breaks: Values of s at which pieces begin, and the end of the last one (M + 1,).
-        constant: Start of each piece (M, J) [rad].
+        breaks: Values of s at which pieces begin, and s at the end of the last piece (M + 1,).
+        constant: Position at the start of each piece (M, J) [rad].
         linear: dq/ds at the start of each piece (M, J).
         quadratic: Half of d2q/ds2 of each piece (M, J) [1/rad].
-        stops: Values of s between the ends at which the direction jumps, so the motion must stop.
+        stops: Values of s, without both ends, at which the direction jumps. The motion must stop
+            there.
     """
 
     breaks: Array
@@ -60,12 +61,12 @@ class Curve:
 
     @classmethod
     def through(cls, waypoints: Array, radii: Array) -> "Curve":
-        """Return the curve along a polyline.
+        """Return the curve along the lines between waypoints.
 
         Args:
-            waypoints: Two or more waypoints. Each differs from the previous one (N, J) [rad].
-            radii: Blend radii of the corners (N - 2,) [rad]. With 0, the motion stops at the
-                corner. Neighbouring radii must fit on the line between their corners.
+            waypoints: Two or more waypoints (N, J) [rad]. Each differs from the previous waypoint.
+            radii: Blend radii of the corners (N - 2,) [rad]. If a radius is 0, the motion stops at
+                the corner. The line between two corners must be as long as the sum of their radii.
         """
         steps = np.diff(waypoints, axis=0)
         lengths = norms(steps)
@@ -93,7 +94,7 @@ class Curve:
 
     @classmethod
     def line(cls, begin: Array, end: Array) -> "Curve":
-        """Return the line from one point to another one (J,) [rad]."""
+        """Return the straight curve from one point to another point (J,) [rad]."""
         step = (end - begin)[None, :]
         length = norms(step)
         linear = step / length[:, None]
@@ -107,7 +108,7 @@ class Curve:
         return cls(np.zeros(2), position[None, :], zero, zero, np.empty(0))
 
     def after(self, s: float) -> "Curve":
-        """Return the rest of the curve, from s on. Its own parameter begins at 0."""
+        """Return the rest of the curve after `s`. The parameter of the result begins at 0."""
         passed = s + _SAME
         first = int(np.searchsorted(self.breaks[1:-1], passed, side="right"))
         constant, linear = self.constant[first:].copy(), self.linear[first:].copy()
@@ -144,7 +145,11 @@ class Curve:
         return 2.0 * self.quadratic[i]
 
     def intervals(self, grid: Array) -> Slopes:
-        """Return the derivatives in intervals of s, by the ends of the intervals (K + 1,)."""
+        """Return the derivatives of the curve in intervals of s.
+
+        Args:
+            grid: Values of s at the ends of the intervals (K + 1,).
+        """
         i, _ = self._piece(0.5 * (grid[:-1] + grid[1:]))
         second = 2.0 * self.quadratic[i]
         lower, upper = ((s - self.breaks[i])[:, None] for s in (grid[:-1], grid[1:]))

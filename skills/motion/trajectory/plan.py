@@ -1,7 +1,7 @@
-"""The plan of a motion: found, checked and timed.
+"""The plan of a motion, which was found, checked and timed.
 
-Skills name this type before the board boots. NumPy is loaded meanwhile, so it is imported where it
-is used.
+Skills use this type before the board boots, and NumPy is loaded during the boot. Therefore only
+functions in this module import NumPy.
 """
 
 from collections.abc import Mapping
@@ -27,7 +27,7 @@ _State = tuple[str, tuple[str, ...], int, dict[str, float], "Packed"]
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A motion of one group, exact at every time.
+    """A planned motion of one group. Its positions are exact at every time.
 
     Attributes:
         group: Name of the group that moves.
@@ -38,7 +38,7 @@ class Plan:
         seed: Seed of the search.
         velocity: Velocity limits that the motion keeps (J,) [rad/s].
         acceleration: Acceleration limits that the motion keeps (J,) [rad/s2].
-        waypoints: Corners of the path before they were rounded, and its ends (N, J) [rad].
+        waypoints: Start, goal, and the corners of the path before they were rounded (N, J) [rad].
         curve: The path.
         profile: The time law along the path.
         milliseconds: Duration of each stage of planning [ms]. It differs from run to run.
@@ -96,7 +96,7 @@ class Plan:
 
     @property
     def duration(self) -> float:
-        """Duration [s]; 0 if the group is already at the goal."""
+        """Duration of the motion [s]; 0 if the group is already at the goal."""
         return self.profile.duration
 
     def sample(self, times: "ArrayLike") -> "Array":

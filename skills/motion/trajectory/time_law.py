@@ -1,4 +1,4 @@
-"""Time laws s(t): the position along a curve over time, with piecewise constant acceleration."""
+"""The time law s(t) of a motion: the position s along the curve, as a function of the time t."""
 
 import math
 import sys
@@ -14,13 +14,13 @@ from .curve import Curve, Slopes
 
 @dataclass(frozen=True, eq=False)
 class TimeLaw:
-    """Knots of s(t). Between two knots the acceleration is constant.
+    """A time law s(t), given by its knots. Between two knots, the acceleration is constant.
 
     Attributes:
         times: Times of the knots, from 0 (K,) [s].
         positions: s at the knots (K,).
         speeds: ds/dt at the knots (K,) [1/s].
-        accelerations: d2s/dt2 from each knot to the next; the last is 0 (K,) [1/s2].
+        accelerations: d2s/dt2 from each knot to the next knot; 0 for the last knot (K,) [1/s2].
     """
 
     times: Array
@@ -41,10 +41,10 @@ class TimeLaw:
     def along_line(
         cls, begin: float, end: float, slope: Array, velocity: Array, acceleration: Array
     ) -> "TimeLaw":
-        """Return the fastest motion along a line, from rest to rest.
+        """Return the fastest time law along a line that starts and ends at standstill.
 
-        Along a line, q' is constant and q'' is zero. The limits of all joints then become two
-        limits on s, so a trapezoidal profile is optimal.
+        Along a line, q' is constant and q'' is zero. The limits of all joints then become a limit
+        of ds/dt and a limit of d2s/dt2, so a trapezoidal profile is optimal.
 
         Args:
             begin: s at the start.
@@ -62,9 +62,9 @@ class TimeLaw:
 
     @classmethod
     def trapezoidal(cls, begin: float, end: float, speed: float, acceleration: float) -> "TimeLaw":
-        """Return the fastest motion from rest to rest: a trapezoidal velocity profile.
+        """Return a time law with a trapezoidal velocity profile, from standstill to standstill.
 
-        It is triangular if the distance is too short to reach full speed.
+        The profile is a triangle if the distance is too short to reach the largest speed.
 
         Args:
             begin: s at the start.
@@ -85,11 +85,14 @@ class TimeLaw:
 
     @property
     def duration(self) -> float:
-        """Duration [s]."""
+        """Duration of the motion [s]."""
         return float(self.times[-1])
 
     def at(self, times: ArrayLike) -> tuple[Array, Array, Array]:
-        """Return s, ds/dt [1/s] and d2s/dt2 [1/s2] at times (K,) [s], clipped to [0, duration]."""
+        """Return s, ds/dt [1/s] and d2s/dt2 [1/s2] at times (K,) [s].
+
+        Times outside of [0, duration] are replaced by the nearest time inside.
+        """
         inside = np.clip(np.asarray(times, dtype=np.float64), 0.0, self.duration)
         k = np.searchsorted(self.times, inside, side="right") - 1
         dt, acceleration = inside - self.times[k], self.accelerations[k]
@@ -100,7 +103,7 @@ class TimeLaw:
     def acceleration_ratios(self, slopes: Slopes, acceleration: Array) -> Array:
         """Return the largest acceleration of each joint between two knots, as a share of its limit.
 
-        The acceleration is linear in s between knots, so it is largest at one of the two knots.
+        Between two knots, the acceleration is linear in s, so it is largest at one of these knots.
 
         Args:
             slopes: Derivatives of the path between the knots.
@@ -113,7 +116,7 @@ class TimeLaw:
         return ratios
 
     def within_sum(self, curve: Curve, most: float) -> "TimeLaw":
-        """Return this time law, slowed so that the sum of all accelerations keeps a limit.
+        """Return this time law, slowed down if the sum of all accelerations exceeds a limit.
 
         Args:
             curve: The path.
@@ -134,12 +137,12 @@ class TimeLaw:
         return abs(first), abs(last)
 
     def slowed(self, factor: float) -> "TimeLaw":
-        """Return the same time law, slower by a factor."""
+        """Return this time law with its duration multiplied by a factor."""
         times, speeds = self.times * factor, self.speeds / factor
         return TimeLaw(times, self.positions, speeds, self.accelerations / factor**2)
 
     def then(self, other: "TimeLaw") -> "TimeLaw":
-        """Return this time law, followed by another one that starts at its end."""
+        """Return a time law that consists of this one and another one, which starts at its end."""
         return TimeLaw(
             np.concatenate((self.times[:-1], other.times + self.times[-1])),
             np.concatenate((self.positions[:-1], other.positions)),
@@ -149,7 +152,7 @@ class TimeLaw:
 
 
 def _sqrt_of_product(a: float, b: float) -> float:
-    """Return the square root of a product that may underflow."""
+    """Return the square root of a * b. Also exact if the product would underflow."""
     product = a * b
     if product < sys.float_info.min:
         return math.sqrt(a) * math.sqrt(b)

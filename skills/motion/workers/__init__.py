@@ -1,1 +1,1 @@
-"""Worker processes that plan: a pool, its processes, their main program, and messages."""
+"""Worker processes for planning: the pool, its processes, their main program, and messages."""

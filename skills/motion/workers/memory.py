@@ -1,4 +1,4 @@
-"""Limits of the address space of a process (`ulimit -v`), and the free memory."""
+"""Checks and limits the memory of processes (`ulimit -v`), and checks the free memory."""
 
 import resource
 from contextlib import suppress
@@ -9,12 +9,12 @@ from skills.motion.errors import TooLittleMemory
 # Address space that armtree needs [bytes]. A planner of the shipped arm uses a quarter of it. The
 # process that starts planners uses up to 0.8 GiB, mostly reserved for its threads (measured).
 NEEDED = 2**30
-_NEEDED_DATA = 2**29  # part of it that counts as data; a run uses 0.2 GiB (measured) [bytes]
+_NEEDED_DATA = 2**29  # part of NEEDED that is data; a run uses 0.2 GiB (measured) [bytes]
 _MOST = 4 * 2**30  # largest memory of a planner [bytes]
 
 
 def check_memory() -> None:
-    """Check that this process and its planners can work.
+    """Check that this process and its planners may use enough memory.
 
     Raises:
         TooLittleMemory: The operating system allows less memory than armtree needs.
@@ -27,7 +27,7 @@ def check_memory() -> None:
 
 
 def limit_memory() -> None:
-    """Limit the memory of this process to the planner's bound, or to the system's lower one."""
+    """Limit the address space of this process to 4 GiB, or to a lower limit of the system."""
     limit = _limit()
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
 

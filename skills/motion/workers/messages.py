@@ -1,6 +1,7 @@
-"""Messages between a worker and its parent: pickles, each after its length.
+"""Messages between a worker process and its parent process. A message is a length and a pickle.
 
-The next message is sent only after the answer to the previous one, so no bytes follow a message.
+The next message is sent only after the answer to the previous message, so no bytes follow a
+message.
 """
 
 import pickle
@@ -8,13 +9,13 @@ import socket
 import time
 from typing import Any
 
-_PREFIX = 4  # size of the length, big-endian [bytes]
+_PREFIX = 4  # size of the length field, which is big-endian [bytes]
 _MAX_LENGTH = 2**30  # largest size of a pickle [bytes]
 _CHUNK = 65_536  # largest number of bytes in one read
 
 
 class InvalidMessage(Exception):
-    """The received bytes are not a message, or the message does not answer the request."""
+    """The received bytes are not a message, or the message is not a valid answer to the request."""
 
 
 def encode(message: object) -> bytes:
@@ -30,16 +31,16 @@ def encode(message: object) -> bytes:
 
 
 def send(connection: socket.socket, data: bytes, until: float | None = None) -> None:
-    """Send an encoded message, or the rest of one.
+    """Send an encoded message, or the rest of an encoded message.
 
     Args:
-        connection: Socket. Its timeout changes if `until` is given.
+        connection: Socket. If `until` is given, its timeout changes.
         data: Bytes to send.
-        until: Deadline on the monotonic clock [s]. Default: the socket's own timeout.
+        until: Deadline on the monotonic clock [s]. Default: the timeout of the socket applies.
 
     Raises:
         TimeoutError: The deadline passed.
-        OSError: The other end is closed.
+        OSError: The other process has closed its socket.
     """
     _set_timeout(connection, until)
     connection.sendall(data)
@@ -49,12 +50,12 @@ def receive(connection: socket.socket, until: float | None = None) -> Any:
     """Wait for the next message and return it.
 
     Args:
-        connection: Socket. Its timeout changes if `until` is given.
-        until: Deadline on the monotonic clock [s]. Default: the socket's own timeout.
+        connection: Socket. If `until` is given, its timeout changes.
+        until: Deadline on the monotonic clock [s]. Default: the timeout of the socket applies.
 
     Raises:
         TimeoutError: The deadline passed.
-        EOFError: The other end is closed.
+        EOFError: The other process has closed its socket.
         InvalidMessage: The bytes are not a message.
     """
     data = bytearray()
@@ -80,10 +81,10 @@ def _set_timeout(connection: socket.socket, until: float | None) -> None:
 
 
 def _missing(data: bytearray) -> int:
-    """Return the number of missing bytes of the next part of a message.
+    """Return how many bytes of the length field, or else of the pickle, were not received yet.
 
     Raises:
-        InvalidMessage: The message is too long, or other bytes follow it.
+        InvalidMessage: The message is too long, or more bytes follow the message.
     """
     if len(data) < _PREFIX:
         return _PREFIX - len(data)

@@ -1,4 +1,4 @@
-"""A pool of worker processes: planning can be canceled at once and never blocks the caller."""
+"""A pool of worker processes, so that planning can be canceled at once and blocks no thread."""
 
 import logging
 from collections import deque
@@ -25,7 +25,7 @@ T = TypeVar("T")
 
 
 class Job:
-    """A request in the pool.
+    """A request that was submitted to a pool.
 
     Args:
         pool: The pool.
@@ -39,34 +39,34 @@ class Job:
         self.done = done
 
     def cancel(self) -> None:
-        """Cancel the job and return at once. Its result is PlanCanceled, unless it has a result.
+        """Cancel the job and return at once. If the job has no result yet, it gets PlanCanceled.
 
-        The callback of a waiting job runs in this thread. The callback of a running job runs in a
-        thread of the pool, as soon as its process is dead.
+        If the job is waiting, its callback runs in the calling thread. If a worker already answers
+        it, the worker is killed, and the callback then runs in a thread of the pool.
         """
         self._pool.cancel(self)
 
 
 class Pool:
-    """Worker processes for one robot, each with a thread that waits for it.
+    """A pool of worker processes for one robot. A thread waits for the answers of each process.
 
     Args:
-        robot: The robot to plan for.
+        robot: The robot for which the workers plan.
         workers: Number of processes.
-        clock: Time source. The threads wait for jobs on it. Simulated time stands still while a
+        clock: Time source, on which the threads wait for jobs. Simulated time stands still while a
             worker plans, but passes while a worker starts.
-        standby: Keep a standby process after the first answer, if memory allows it. The request
-            after a killed worker then need not wait for a start. Default: start one only during a
-            slow request.
+        standby: True to keep a standby process after the first answer, if there is enough memory.
+            If a worker is killed, the next request then does not wait for the start of a process.
+            Default: a standby process is started only during a slow request.
 
     Raises:
         TooLittleMemory: The operating system allows less address space than planners need.
     """
 
-    # A process starts within 0.3 to 0.5 s, and needs 40 to 60 MB of its own (measured; a mesh
-    # of 400,000 triangles adds 250 MB). That pays for a server, not for a command that plans a few
-    # times and ends. The start waits for the first answer: until then, a server without goals needs
-    # no second process, the first one loads alone, and the world is not known.
+    # A process starts within 0.3 to 0.5 s, and needs 40 to 60 MB of memory (measured; a mesh of
+    # 400,000 triangles adds 250 MB). A standby process is useful for a server, not for a command
+    # that plans a few times and ends. It starts only after the first answer: a server without goals
+    # needs no second process, the first process then loads faster, and the world is known later.
 
     def __init__(self, robot: Robot, workers: int, clock: Clock, *, standby: bool = False) -> None:
         check_memory()
@@ -78,14 +78,14 @@ class Pool:
         self._closed = False
 
     def start(self) -> None:
-        """Start the processes in the background and return at once. May be repeated."""
+        """Start the processes in the background and return at once. Further calls do nothing."""
         for number, slot in enumerate(self._slots):
             slot.thread = slot.thread or self._clock.spawn(
                 partial(self._serve, slot), f"plan-{number}"
             )
 
     def submit(self, request: Request, done: Callable[[Result], None]) -> Job:
-        """Let the next free worker answer a request.
+        """Give a request to the next free worker. Return its job at once.
 
         Args:
             request: A request that `Planner.answer` accepts.
@@ -103,21 +103,21 @@ class Pool:
         return job
 
     def ask(self, request: Request) -> Result:
-        """Let a worker answer a request, and wait for its answer or its MotionError."""
+        """Wait until a worker has answered a request. Return the answer or the MotionError."""
         answers: SimpleQueue[Result] = SimpleQueue()
         self.submit(request, answers.put)
         return answers.get()
 
     def reach(self, query: ToolQuery) -> Reached:
-        """Return joint positions that bring the tool to the query's point. See `Planner.reach`."""
+        """Return joint positions that bring the tool to the query's point; see `Planner.reach`."""
         return self._wanted(query, Reached)
 
     def carry(self, request: Carry) -> Body:
-        """Return a body at the same pose, attached to another link. See `Planner.carry`."""
+        """Return a body at the same pose, attached to another link; see `Planner.carry`."""
         return self._wanted(request, Body)
 
     def _wanted(self, request: Request, kind: type[T]) -> T:
-        """Wait for an answer and return it. Raises the answer if it is a MotionError."""
+        """Wait for the answer to a request. Return the answer, or raise it if it is an error."""
         answer = self.ask(request)
         if isinstance(answer, MotionError):
             raise answer
@@ -137,7 +137,7 @@ class Pool:
             job.done(PlanCanceled())
 
     def close(self) -> None:
-        """Cancel all jobs, and end all processes and threads. May be repeated."""
+        """Cancel all jobs, and end all processes and threads. Further calls do nothing."""
         with self._signal:
             self._closed = True
             dropped = list(self._queue)
@@ -155,7 +155,7 @@ class Pool:
             self._standby = None
 
     def _serve(self, slot: "_Slot") -> None:
-        """Main function of a slot's thread."""
+        """Start the process of a slot, and let it answer jobs until the pool is closed."""
         self._prepare(slot)
         while self._wait_for_job(slot):
             if slot.job:
@@ -166,7 +166,8 @@ class Pool:
     def _finish(self, slot: "_Slot", job: Job) -> None:
         """Answer a job. Then start the standby process, unless another job waits.
 
-        After an error it does not start: the worker may be loading, or the world may be invalid.
+        After an error, no standby process is started: the worker may still load the robot, or the
+        world may be invalid.
         """
         result = self._answer(slot, job)
         job.done(result)
@@ -174,7 +175,7 @@ class Pool:
             self._prepare_standby(_world(job))
 
     def _prepare(self, slot: "_Slot") -> None:
-        """Start a process for the next job. If this fails, the job tries again."""
+        """Start a process for the next job. If this fails, the next job tries it again."""
         try:
             self._ensure_process(slot)
         except Exception:
@@ -194,9 +195,10 @@ class Pool:
                     slot.process = process
 
     def _prepare_standby(self, world: World) -> None:
-        """Start a standby process for the case that a worker is killed, if memory allows it.
+        """Start a standby process if there is none and if there is enough memory.
 
-        The process loads the world in which the worker plans. It replaces a process that died.
+        Args:
+            world: World in which the workers plan. The standby process loads it.
         """
         with self._signal:
             usable = self._standby is not None and self._standby.alive
@@ -208,11 +210,14 @@ class Pool:
                 process = WorkerProcess(self._robot, world)
                 with self._signal:
                     spare, self._standby = self._standby, process
-                if spare:  # it died, or another thread has started it meanwhile
+                if spare:  # this standby process died, or another thread has just started it
                     spare.close()
 
     def _assign(self, job: Job) -> bool:
-        """Give a job to an idle worker. It starts while its thread in this process wakes up."""
+        """Give a job to an idle worker, and return True; return False if no worker is idle.
+
+        The worker receives the request while the thread that waits for it still wakes up.
+        """
         slot = next((slot for slot in self._slots if slot.idle and slot.alive), None)
         if not (slot and slot.process):
             return False
@@ -221,7 +226,10 @@ class Pool:
         return True
 
     def _wait_for_job(self, slot: "_Slot") -> bool:
-        """Wait for a job or for the end of the process. Return False if the pool is closed."""
+        """Wait for a job or for the end of the worker process.
+
+        Returns False if the pool is closed and no job is left.
+        """
         with self._signal:
             while not slot.job and not self._closed and (slot.alive or not slot.process):
                 if self._queue:
@@ -241,7 +249,7 @@ class Pool:
             if process:
                 result = process.call(job.request, partial(self._prepare_standby, _world(job)))
         except Exception as error:
-            # A bug, or the system cannot start a process; the caller needs a result.
+            # A bug, or the system cannot start a process. The caller still needs a result.
             logger.exception("a planning process cannot be used")
             slot.close()
             result = WorkerDied(f"{type(error).__name__}: {error}")
@@ -251,18 +259,18 @@ class Pool:
 
 
 def _world(job: Job) -> World:
-    """Return the world of a valid request. The rest of a motion has none."""
+    """Return the world of a job's request; the empty world for a Rest, which has no world."""
     return getattr(job.request, "world", EMPTY)
 
 
 class _Slot:
-    """A worker of the pool: its process, its thread here, and its job.
+    """A worker of the pool: a process, the thread that waits for the process, and the current job.
 
     Attributes:
-        process: The process, or None if closed.
-        thread: The thread that waits for the process.
+        process: The worker process; None if it is closed or not started yet.
+        thread: Thread of this process that waits for the worker process.
         job: The current job, or None.
-        canceled: True if the current job was canceled and its process killed.
+        canceled: True if the current job was canceled and the worker process was killed.
         idle: True while the thread waits for a job.
     """
 

@@ -1,9 +1,10 @@
-"""The worker process: `python -P -m skills.motion.workers.worker_main FD`. FD is its socket.
+"""The program of a worker process: `python -P -m skills.motion.workers.worker_main FD`.
 
-It receives a Robot and a World, and answers None when it has loaded them. Then it answers requests,
-one after the other, until the other end closes. Request and answer have the same number. A
-MotionError is an answer. If the robot is unusable, a MotionError is the first and only answer. Any
-other error ends the process, and so does too much memory. The parent then starts a new process.
+FD is the file descriptor of the socket to the parent process. The worker receives a Robot and a
+World, and answers None when it has loaded them. Then it answers requests, one after the other,
+until the parent closes the socket. A request and its answer have the same number. A MotionError is
+an answer, too. If the robot is unusable, a MotionError is the first and only answer. Any other
+error ends the process, and so does too much memory. The parent then starts a new process.
 """
 
 import os
@@ -22,7 +23,11 @@ from .messages import encode, receive, send
 
 
 def main(descriptor: int) -> None:
-    """Serve until the other end closes."""
+    """Answer requests until the parent process closes the socket.
+
+    Args:
+        descriptor: File descriptor of the socket.
+    """
     limit_memory()
     if os.nice(0) < 0:  # the process that moves the arm has priority
         os.setpriority(os.PRIO_PROCESS, 0, 0)
@@ -40,9 +45,9 @@ def _serve(parent: socket.socket) -> None:
         planner = Planner(robot, RealClock())
     except MotionError as error:
         send(parent, encode(error))
-        receive(parent)  # wait until the other end closes
+        receive(parent)  # wait until the parent process closes the socket
         return
-    with suppress(MotionError):  # a request in this world reports the error
+    with suppress(MotionError):  # the first request in this world reports the error
         planner.prepare(world)
     send(parent, encode(None))
     while True:

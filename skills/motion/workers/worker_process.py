@@ -1,4 +1,4 @@
-"""The parent's side of one worker process."""
+"""Starts a worker process, sends requests to it, and receives its answers."""
 
 import contextlib
 import os
@@ -23,24 +23,25 @@ from .messages import InvalidMessage, encode, receive, send
 
 _PROGRAM = "skills.motion.workers.worker_main"
 _MAX_TIMEOUT = 86_400.0  # largest timeout of a request [s]
-_GRACE = 0.008  # time after a request's timeout until the worker counts as hanging [s]
-_SLOW = 0.1  # longer requests are likely to be canceled [s]
+_GRACE = 0.008  # a worker that has not answered this time after the timeout is killed [s]
+_SLOW = 0.1  # requests that take longer are likely to be canceled [s]
 _EXIT = 5.0  # longest wait for the exit status after the worker closed its socket [s]
-_FEW = 100  # largest number of via points and bodies in a quickly encoded request
-_MANY = 1000  # largest number of bodies in a world that is sent before the process can read
+_FEW = 100  # a request with fewer via points and bodies in total is encoded quickly
+_MANY = 1000  # largest number of bodies in a world that is sent while the process starts
 _STOPPED_NOW = os.WSTOPPED | os.WNOHANG | os.WNOWAIT
 _START = 30.0  # longest time to load the robot on a slow machine [s]
 
 
 class WorkerProcess:
-    """A process that plans. It starts at once. The first `call` waits until it is ready.
+    """A worker process for planning. It starts when the object is created.
 
-    The process has its own session, so a Ctrl-C on the terminal does not reach it. It ends when its
-    socket closes, at the latest at the end of this process.
+    The first `call` waits until the worker is ready. The worker has its own session, so Ctrl-C in
+    the terminal does not reach it. It ends when its socket is closed, at the latest when the parent
+    process ends.
 
     Args:
-        robot: The robot to plan for.
-        world: World to load at once. Default: the empty world.
+        robot: The robot for which the worker plans.
+        world: World that the worker loads at its start. Default: the empty world.
     """
 
     def __init__(self, robot: Robot, world: World = EMPTY) -> None:
@@ -58,7 +59,7 @@ class WorkerProcess:
             )
         self._socket = ours
         self._ready = self._killed = False
-        self._unusable: MotionError | None = None  # its error if the robot is unusable
+        self._unusable: MotionError | None = None  # error of the worker if the robot is unusable
         self._answers = AnswerChecker(robot)
         self._number = 0  # number of the last request
         self._ahead: tuple[float, bytes] | None = None  # deadline, and bytes still to send
@@ -66,22 +67,23 @@ class WorkerProcess:
 
     @property
     def pid(self) -> int:
-        """Process id."""
+        """Process id of the worker."""
         return self._process.pid
 
     @property
     def alive(self) -> bool:
-        """True while the process runs. False after `kill`, or if it is stopped (SIGSTOP)."""
+        """True while the worker runs. False after `kill`, or if SIGSTOP has stopped the worker."""
         return not self._killed and self._process.poll() is None and not self._stopped()
 
     def call(self, request: Request, slow: Callable[[], None] | None = None) -> Result:
-        """Wait for the answer to a request and return it. Errors are returned, not raised.
+        """Send a request to the worker. Wait for its answer, and return the answer or an error.
 
-        After the call, `alive` is False if the worker died, hung or sent an invalid answer.
+        Errors are not raised. After the call, `alive` is False if the worker died, did not answer
+        in time or sent an invalid answer.
 
         Args:
             request: The request.
-            slow: Callback for an answer that takes longer than `_SLOW`.
+            slow: Callback that is called once if the answer takes longer than `_SLOW`.
         """
         ahead, self._ahead = self._ahead, None
         if invalid := _check(request):
@@ -106,9 +108,9 @@ class WorkerProcess:
             return self._invalid(str(error))
 
     def send_ahead(self, request: Request) -> None:
-        """Send the next request before its `call`, as far as possible without blocking.
+        """Send as much of the next request as possible without blocking, before its `call`.
 
-        Only sends small requests. `call` returns an error.
+        Sends only small requests. If there is an error, `call` returns it later.
         """
         if not self._ready or _check(request) or not _is_small(request):
             return
@@ -118,15 +120,15 @@ class WorkerProcess:
             self._ahead = until, message[sent:]
 
     def kill(self) -> None:
-        """Kill the process. Any thread may call this, also repeatedly."""
+        """Kill the worker. Any thread may call this method, also more than once."""
         self._killed = True
         self._process.kill()
-        # Wakes a waiting `call` before the cleanup of the process.
+        # Wakes a waiting `call` at once, before the operating system has cleaned up the process.
         with contextlib.suppress(OSError):
             self._socket.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
-        """End the process and free its resources."""
+        """Kill the worker, and free its resources."""
         self.kill()
         self._process.wait()
         self._socket.close()
@@ -150,7 +152,7 @@ class WorkerProcess:
             self.kill()  # the first `call` returns the error
 
     def _wait_until_ready(self) -> MotionError | None:
-        """Wait until the process has loaded the robot. Return its error if it cannot load it."""
+        """Wait until the worker has loaded the robot. Return None, or the error if this failed."""
         until = time.monotonic() + _START
         try:
             answer = self._unusable or receive(self._socket, until)
@@ -169,7 +171,7 @@ class WorkerProcess:
         return None
 
     def _encode(self, request: Request) -> tuple[float, bytes]:
-        """Return the deadline of a request that starts now, and the bytes of the request.
+        """Return the deadline of a request that is sent now [s], and the message to send.
 
         Raises:
             BadQuery: The request cannot be pickled.
@@ -179,7 +181,7 @@ class WorkerProcess:
         try:
             return until, encode((self._number, request))
         except Exception as error:  # a value in the request may raise any exception
-            what = f"It cannot be sent to a worker ({shown(error)}); give plain numbers"
+            what = f"The request cannot be sent to a worker ({shown(error)}); give plain numbers"
             raise BadQuery(what) from error
 
     def _answer_of(self, message: object) -> Any:
@@ -193,14 +195,18 @@ class WorkerProcess:
             if number == self._number:
                 return answer
             raise InvalidMessage(f"request {number}, not {self._number}")
-        raise InvalidMessage(f"{type(message).__name__} without a number")
+        raise InvalidMessage(f"{type(message).__name__} without the number of the request")
 
     def _invalid(self, what: str) -> WorkerDied:
         self.kill()
         return WorkerDied(f"it answered {what}")
 
     def _died(self, until: float) -> WorkerDied:
-        """Return the cause of its death, if it is known before the deadline."""
+        """Return the error for a worker that ended or closed its socket.
+
+        Args:
+            until: Longest time to wait for the exit status, on the monotonic clock [s].
+        """
         if self._killed:
             return WorkerDied("it was killed")
         try:
@@ -213,7 +219,7 @@ class WorkerProcess:
         return WorkerDied(how + self._last_line())
 
     def _last_line(self) -> str:
-        """Return the last line of its output in brackets; empty if there is no output."""
+        """Return the last line of the worker's output in brackets; empty if there is no output."""
         self._output.seek(0)
         lines = self._output.read().decode(errors="replace").strip().splitlines()
         return f" ({lines[-1].strip()})" if lines else ""
@@ -225,7 +231,7 @@ def _is_small(request: Request) -> bool:
 
 
 def _check(request: Request) -> BadQuery | None:
-    """Return an error if a request could crash a worker."""
+    """Return an error if a request is not valid and could crash a worker, else None."""
     try:
         check_types(request)
     except BadQuery as error:
@@ -238,7 +244,11 @@ def _check(request: Request) -> BadQuery | None:
 
 
 def _environment() -> dict[str, str]:
-    """Return this process's environment, with the rooms' folder and one thread per library."""
+    """Return the environment for a worker.
+
+    It is the environment of this process, with armtree on the Python path and with one thread for
+    each numeric library.
+    """
     rooms = str(Path(__file__).parents[3])
     paths = [rooms, *filter(None, [os.environ.get("PYTHONPATH")])]
     single = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}

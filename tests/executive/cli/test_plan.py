@@ -128,7 +128,7 @@ def test_a_direction_for_the_tool(tmp_path: Path) -> None:
     free = plan(tmp_path, *point)
     held = plan(tmp_path, *point, "--direction", "0.8", "0.4", "0.45")
     assert isinstance(held.exception, Unreachable)  # three joints cannot do both
-    assert "can reach (100.0, 50.0, 80.0) mm, but there its axis" in str(held.exception)
+    assert "can reach (100.0, 50.0, 80.0) mm, but its axis" in str(held.exception)
     assert free.exit_code == 0
 
 
@@ -182,7 +182,7 @@ def test_another_tool_gets_elsewhere(tmp_path: Path) -> None:
         (("0", "0", "0", "--axis", "0", "x", "0"), "--axis: 'x' is not a number"),
         (("0.1", "0", "0.1", "--tool", "claw"), "^--tool: the robot has no link claw; it has"),
         (("0.1", "0", "8", "cm"), "'cm' is separated from its number; write 8cm as one word, or"),
-        (("0.1", "0", "0.1", "--direction", "0", "0", "0"), "^--direction: direction points now"),
+        (("0.1", "0", "0.1", "--direction", "0", "0", "0"), "^--direction: direction is 0, 0, 0"),
         (("joint_1=70", "deg"), "'deg' is separated from its number; write joint_1=70deg"),
         (("joint_1+=-0.1", "joint_1+=-0.1"), "joint_1 is given twice"),
         (("right", "--start", "joint_1=1 joint_1=1"), "joint_1 is given twice"),

@@ -89,7 +89,7 @@ def test_a_broken_plugin_costs_only_itself(tmp_path: Path) -> None:
     reported = [line for line in result.stderr.splitlines() if "left out" in line]
     assert len(reported) == len(BROKEN)
     assert any("raises.py:6: ZeroDivisionError" in line for line in reported)
-    assert any("taken.py: Wait: another skill already has that name" in line for line in reported)
+    assert any("taken.py: Wait: another skill already has this name" in line for line in reported)
     assert set(known_skills()) - set(before) == {"whole"}
     assert known_skills()["Wait"] is before["Wait"]
 

@@ -137,5 +137,5 @@ def test_a_picture_of_many_worlds_ends_somewhere(tmp_path: Path) -> None:
 
 def test_the_story_tells_what_is_around(rig: RigMaker, tmp_path: Path) -> None:
     reported = CliRunner().invoke(cli, ["log", "show", str(recorded(rig, tmp_path, TASK))]).output
-    assert "; around it: post, beam, ball\n" in reported
-    assert "; around it: post, beam, ball on claw_support\n" in reported
+    assert "; bodies: post, beam, ball\n" in reported
+    assert "; bodies: post, beam, ball on claw_support\n" in reported

@@ -99,9 +99,8 @@ def test_a_file_of_another_program_is_not_drawn(tmp_path: Path, picked: Path) ->
     writer.finish()  # type: ignore[no-untyped-call]
     status, out, err = finish(tmp_path, "log", "plot", str(path))
     assert (status, out) == (3, "")
-    assert (
-        err == f"Error: {path}: was not recorded by armtree, or lacks its head [log.unreadable]\n"
-    )
+    why = "was not recorded by armtree, or the beginning of the file is missing"
+    assert err == f"Error: {path}: {why} [log.unreadable]\n"
     assert not path.with_suffix(".png").exists()
     bent = altered(picked, retold("/goal", lambda goal: goal.pop("seed")))
     status, _, err = finish(tmp_path, "log", "plot", str(bent))
@@ -278,7 +277,7 @@ def test_the_narrative_has_late_frames_and_no_node_that_never_ran(picked: Path) 
 
     path = altered(picked, change)
     reported = [words for _, words in narrative(path, everything=False)]
-    assert "frame 31 left 25.0 ms late" in reported
+    assert "frame 31 was sent 25.0 ms late" in reported
     assert overview(path).late == {25.0: 31}
 
 

@@ -287,4 +287,4 @@ def test_the_rest_of_a_paused_motion_that_begins_elsewhere_is_found(rig: RigMake
     moved = retold("/schedule", lambda reported: reported["start"].update(joint_1=0.5), 2)
     verification = verify(altered(picked(arm), moved))
     assert not verification.holds
-    assert "joint_1 is not where the motion begins" in verification.text()
+    assert "joint_1 is not at the start of the motion" in verification.text()

@@ -61,7 +61,7 @@ def test_late_frames_and_links_are_recorded(tmp_path: Path, robot: Robot) -> Non
     assert len(found["/tf"]) == 2
     assert {t.child_frame_id for t in found["/tf"][0].data.transforms} >= {"base_plate"}
     (late,) = found["/diagnostics"]
-    assert late.data.status[0].message == "a frame left 50.0 ms late"
+    assert late.data.status[0].message == "a frame was sent 50.0 ms late"
 
 
 @pytest.mark.parametrize("name", ["arduinobot", "so101"])

@@ -85,7 +85,7 @@ def test_a_large_message_is_one_of_a_motion(tmp_path: Path) -> None:
     for each, count, most in (("[", 400_002, 250_000), ('":', 40_000, 20_000)):
         text = each.encode() * count
         head = b"\0\1\0\0" + (len(text) + 1).to_bytes(4, "little")
-        words = re.escape(f"it has {count} times {each}; the limit is {most}")
+        words = re.escape(f"it contains {each} {count} times; the limit is {most} times")
         with pytest.raises(RecordingError, match=words):
             replace(message, cdr=head + text + b"\0").fields()
 

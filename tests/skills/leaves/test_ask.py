@@ -53,7 +53,7 @@ def test_another_answer_than_wanted_fails(bench: Bench) -> None:
     desk.asked[0].answer("no")
     skill.tick_once()
     assert isinstance(skill.failure, ConditionFails)
-    assert str(skill.failure) == "Free?: no, and not yes"
+    assert str(skill.failure) == "Free?: the answer is no; only yes succeeds"
 
 
 def test_no_answer_in_time(bench: Bench) -> None:

@@ -48,7 +48,7 @@ def test_collision_says_how_deep_or_how_near() -> None:
 
 def test_a_missing_library_names_its_package() -> None:
     died = motion.WorkerDied("ImportError: libgomp.so.1: cannot open shared object file")
-    assert died.hint == "install the system's package of that library, on Debian libgomp1"
+    assert died.hint == "install the system's package of this library, on Debian libgomp1"
     assert died.hint in str(died)
     assert pickle.loads(pickle.dumps(died)).hint == died.hint
 

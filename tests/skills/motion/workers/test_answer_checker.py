@@ -181,7 +181,7 @@ LIES: list[tuple[str, Callable[[Plan], Any], str]] = [
     ("joints", lambda p: dataclasses.replace(p, joints=("a", "b", "c")), "'a', 'b', 'c'"),
     ("seed", lambda p: dataclasses.replace(p, seed=2), "with seed 2, not for .* with seed 1"),
     ("stages", lambda p: dataclasses.replace(p, milliseconds={"time": math.inf * 0}), "durations"),
-    ("other limits", lambda p: dataclasses.replace(p, velocity=9 * p.velocity), "the limit of"),
+    ("other limits", lambda p: dataclasses.replace(p, velocity=9 * p.velocity), "velocity limit"),
     ("start", lambda p: dataclasses.replace(p, start=p.start + 0.1), "starts with joint_1 at 5.7"),
     ("origin", lambda p: dataclasses.replace(p, origin=p.origin + 0.1), "starts with joint_1"),
     ("goal", lambda p: dataclasses.replace(p, goal=p.goal + 0.1), "ends with joint_1 at -74.4"),
@@ -308,7 +308,7 @@ def test_a_solution_of_an_invalid_query(
 def test_an_error_with_other_durations(checker: AnswerChecker) -> None:
     error = BadQuery("?")
     error.milliseconds = {"time": float("nan")}
-    with pytest.raises(InvalidMessage, match="the durations"):
+    with pytest.raises(InvalidMessage, match="invalid durations"):
         checker.check(PICK, received(error))
 
 

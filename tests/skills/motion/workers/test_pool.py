@@ -443,7 +443,7 @@ pool.close()
         (
             2**30 - 1024,
             "plan.memory 3 The operating system allows 1048575 KiB of address space to a process; "
-            "armtree needs 1048576; raise the limit (`ulimit -v`), then run again",
+            "armtree needs 1048576 KiB; raise the limit (`ulimit -v`), then run again",
         ),
     ],
 )
