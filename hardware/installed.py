@@ -1,7 +1,7 @@
-"""Versions and entry points of installed packages, as importlib.metadata returns them.
+"""Versions and entry points of installed packages, in place of importlib.metadata.
 
-importlib.metadata reads the files of all packages with a parser for e-mail. This costs a run 40 ms,
-mostly for imports.
+importlib.metadata reads the files of all packages with a parser for e-mail. This takes 40 ms in
+each run, mostly for imports.
 """
 
 import os

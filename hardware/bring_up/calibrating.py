@@ -51,7 +51,7 @@ class Row:
         least: Smallest position so far [ticks].
         most: Largest position so far [ticks].
         range: Angle between smallest and largest position [deg].
-        seam: True if it passed the seam, or turned by a whole turn.
+        seam: True if the servo passed its seam, or turned by a whole turn.
     """
 
     joint: Joint
@@ -128,13 +128,13 @@ class Calibrator:
         return found
 
     def in_position_mode(self, kept: Mapping[str, Mapping[str, int]]) -> dict[str, dict[str, int]]:
-        """Return values to store, with the mode of each servo whose series has modes."""
+        """Return the values to store, and the mode for positions for each servo with modes."""
         reports = self._reports.items()
         modes = {joint: {"mode": POSITION_MODE} for joint, each in reports if "mode" in each.kept}
         return {joint: {**values, **modes.get(joint, {})} for joint, values in kept.items()}
 
     def changes(self, kept: Mapping[str, Mapping[str, int]]) -> list[Change]:
-        """Return the stored values of servos that differ from given values."""
+        """Return the changes of stored values that make them equal to `kept`."""
         return [
             Change(joint, self._servos[joint], name, self._reports[joint].kept[name], value)
             for joint, values in kept.items()
@@ -164,7 +164,7 @@ class Calibrator:
             CalibrationDiffers: The calibration file is of other servos.
         """
         if not self._earlier:
-            raise DescriptionError(self.path, 0, "is not there, so there is nothing to restore")
+            raise DescriptionError(self.path, 0, "does not exist; there is nothing to restore")
         if error := self.difference:
             raise error
         return {joint: self._first(joint) for joint in self._earlier}
@@ -178,9 +178,9 @@ class Calibrator:
         return next(filter(None, map(self._difference, self._reports)), None)
 
     def _difference(self, joint: str) -> CalibrationDiffers | None:
-        """Return an error if a joint's servo has values that the calibration file has not, or None.
+        """Return an error if a joint's servo has values that the calibration file lacks, or None.
 
-        An interrupted calibration has written some of the values.
+        Each value may be the first or the last one, as after an interrupted calibration.
         """
         report = self._reports[joint]
         for name, (first, last) in self._earlier.get(joint, {}).items():
@@ -251,5 +251,5 @@ def _lerobot_joint(joint: str, values: Mapping[str, int], servo: int, ticks: int
 
 
 def degrees(joint: Joint) -> float:
-    """Return the range of a joint in the URDF as text [deg]."""
+    """Return the range of a joint in the URDF [deg]."""
     return math.degrees(joint.upper - joint.lower)

@@ -77,8 +77,8 @@ def sync_write(address: int, values: Mapping[int, bytes]) -> bytes:
 def take_packets(received: bytearray) -> list[Packet]:
     """Remove all whole packets from received bytes and return them. Drops damaged bytes.
 
-    If a checksum is wrong, only the first byte of the packet is dropped. A byte may have been lost,
-    and the next packet may begin inside.
+    If a checksum is wrong, only the first byte of the packet is dropped, because a byte may have
+    been lost and the next packet may begin inside this one.
     """
     found = list[Packet]()
     while (begin := received.find(HEADER)) >= 0:

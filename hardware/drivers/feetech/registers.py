@@ -55,10 +55,10 @@ class Series:
 
     @property
     def blocks(self) -> tuple[tuple[int, int], ...]:
-        """First address and length of three parts of the memory.
+        """First address and length [bytes] of three parts of the memory.
 
         The first part survives without power. The second part begins with the torque. The third
-        part, the end of the second, has the measured values; each cycle reads it.
+        part is the end of the second one. It has the measured values, and each cycle reads it.
         """
         first = [self.registers[name].address for name in ("torque_enable", "position")]
         last = self.registers["current" if "current" in self.registers else "temperature"]
@@ -161,8 +161,8 @@ KEPT = {
     "mode": "mode",
 }
 
-# Settings of a motion that another program may have left. A series may lack the first one. Their
-# initial values limit nothing.
+# Settings that limit motions and that another program may have changed. Their initial values limit
+# nothing. A series may lack the first one.
 SETTINGS = ("acceleration", "goal_time", "goal_speed")
 
 CURRENT_UNIT = 0.0065  # unit of the register `current` [A]

@@ -20,7 +20,7 @@ _PROGRAM = f"{__package__}.program"
 
 
 class BoardProcess:
-    """The process of a virtual board. A client can open its port at once, while the process starts.
+    """The process of a virtual board. A client can open the port at once, before the process runs.
 
     Args:
         model: The board. The process has its own copy of it.
@@ -56,7 +56,7 @@ class BoardProcess:
         return self.call("state")
 
     def call(self, method: str, *arguments: object) -> Any:
-        """Call a method of the board with the time and arguments, and return its result.
+        """Call a method of the model with the time and these arguments, and return its result.
 
         Raises:
             LinkError: The process has ended.

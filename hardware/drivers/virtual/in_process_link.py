@@ -1,4 +1,4 @@
-"""Links without a port, on the injected clock: to a virtual board in this process, or to none."""
+"""Links without a port: to a virtual board in this process, and one without a board."""
 
 from typing import Generic, TypeVar
 

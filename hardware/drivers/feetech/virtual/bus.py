@@ -43,7 +43,7 @@ class BusState:
 
     Attributes:
         positions: Positions of the servos, by id [ticks].
-        outputs: Positions of their outputs, by id [ticks]. They differ by the backlash.
+        outputs: Positions of their output shafts, by id [ticks]: off by half the backlash.
         torque: True if the servo has torque, by id.
         collisions: Number of times that the host sent bytes while a servo answered.
     """
@@ -211,8 +211,8 @@ class Bus:
     def _answer(self, servos: Sequence[Servo], values: Sequence[bytes], time: float) -> None:
         """Put answers on the line, one after another.
 
-        Servos with one id answer at the same time. Equal answers look as one. Different ones are
-        damaged: a bit is 0 if any servo sends 0.
+        Servos with one id answer at the same time. Equal answers look like one answer. Different
+        answers damage each other: a bit is 0 if any servo sends 0.
         """
         together = dict[int, list[bytes]]()
         for servo, value in zip(servos, values, strict=True):
