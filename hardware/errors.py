@@ -70,7 +70,7 @@ class HostLimit(ArmtreeError):
 
 
 def host_limit(error: BaseException) -> HostLimit | None:
-    """Return the error for a limit of the operating system; None if the cause is another one.
+    """Return the error for a limit of the operating system; None if an error has other causes.
 
     Args:
         error: An error of a system call, or of the start of a thread.
@@ -270,7 +270,7 @@ class BoardSilent(BoardError):
 
 
 class WrongFirmware(BoardError):
-    """The firmware of the board is not the one in the robot file."""
+    """The board does not run the firmware that the robot file names."""
 
     code = "hw.wrong_firmware"
     hint = "correct the robot file"
@@ -325,7 +325,7 @@ class MeasuredFault(BoardError):
     Attributes:
         joint: Name of the joint.
         value: Value beyond the limit: a distance [rad], an effort, a temperature or a voltage.
-        limit: Its limit.
+        limit: Limit of the value, in the same unit.
     """
 
     def __init__(
@@ -572,8 +572,8 @@ class JointTooFast(WriteRefused):
 
     Attributes:
         joint: Name of the joint.
-        value: Its velocity [rad/s].
-        limit: Its velocity limit [rad/s].
+        value: Planned velocity of the joint [rad/s].
+        limit: Velocity limit of the joint [rad/s].
     """
 
     code = "hw.joint_too_fast"

@@ -33,7 +33,7 @@ def read_file(path: Path, most: int) -> bytes:
 
 
 def user_folder() -> Path:
-    """Return the user's own folder for files of armtree. It may be missing."""
+    """Return the folder for the user's files of armtree. The folder may be missing."""
     own = os.environ.get("XDG_CONFIG_HOME", "")
     folder = own if os.path.isabs(own) else os.path.expanduser("~/.config")
     return Path(folder) / "armtree"

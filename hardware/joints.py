@@ -49,7 +49,7 @@ class Joint:
         mimic: Relation to the joint that it follows; None if it moves independently.
         wire: Encoding of the joint in a frame. None if the joint has no servo of its own, or if the
             robot file names no driver.
-        unit: Unit of its position: `rad`, or `m` for a prismatic joint.
+        unit: Unit of the position: `rad`, or `m` for a prismatic joint.
         swept: Calibrated range [rad], which may exceed the limits; None without a calibration.
     """
 

@@ -31,7 +31,7 @@ def lazy_exports(package: str) -> Callable[[str], Any]:
 
 
 def public_names(file: str) -> list[str]:
-    """Return the public names of a package or module. Reads its file without importing it."""
+    """Return the public names of a package or module from its file, without importing it."""
     return [*_sources(file)]
 
 

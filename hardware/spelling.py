@@ -1,4 +1,4 @@
-"""Suggestions for misspelt names ("did you mean ...?"), and lists of the known ones."""
+"""Suggestions for misspelt names ("did you mean ...?"), and lists of known names."""
 
 from collections.abc import Collection, Iterable
 from itertools import groupby
@@ -13,7 +13,7 @@ _OTHER_START = 0.75  # factor for names with another first letter, which few peo
 def closest(word: str, known: Iterable[str], cutoff: float = _NEAR) -> str:
     """Return the known name that is most similar to a word; empty if none is similar.
 
-    Case and the signs between words do not count. If several names are equally similar, the result
+    Case and signs between words do not count. If several names are equally similar, the result
     is empty. If none is similar, the result is the only name that begins with the word.
 
     Args:
@@ -59,7 +59,7 @@ def _by_similarity(word: str, known: Iterable[str]) -> list[tuple[float, str]]:
 
 
 def _folded(name: str) -> str:
-    """Return a name without case and without the signs between its words."""
+    """Return a name in lower case, without signs between words."""
     return "".join(filter(str.isalnum, name)).lower() or name
 
 

@@ -214,7 +214,7 @@ class DriverContract:
     # Abilities -------------------------------------------------------------------------------
 
     def test_torque_is_switched_off_and_on(self) -> None:
-        """Only with `Ability.TORQUE`. The arm then holds its pose, and the next motion plays."""
+        """Only with `Ability.TORQUE`. With torque again, the arm holds its pose and can move."""
         if self.robot.can(Ability.TORQUE):
             with self._rig() as rig:
                 rig.activate()
@@ -292,12 +292,12 @@ class _Rig:
         return [event for event in self.events if isinstance(event, Measured)]
 
     def goal(self, start: tuple[float, ...]) -> tuple[float, ...]:
-        """Return a pose in which every joint is moved by a fifth of its range, at most 0.5 rad."""
+        """Return a start pose with every joint moved by a fifth of its range, at most 0.5 rad."""
         joints = zip(self.arm.robot.actuated, start, strict=True)
         return tuple(_moved(*_limits(joint.lower, joint.upper), q) for joint, q in joints)
 
     def start(self, goal: tuple[float, ...]) -> tuple[Playback, float]:
-        """Start a straight motion at half the velocity limits. Return it, and its duration [s]."""
+        """Start a straight motion at half the velocity limits. Return playback and duration [s]."""
         start, robot = self.arm.commanded, self.arm.robot
         moves = zip(robot.actuated, start, goal, strict=True)
         duration = max(2 * abs(b - a) / joint.velocity for joint, a, b in moves)
@@ -312,7 +312,7 @@ class _Rig:
         return self.arm.play(schedule, self._notify, "contract", generation), duration
 
     def play(self, goal: tuple[float, ...], act: Callable[[], None] | None = None) -> Playback:
-        """Play a motion to its end, and return it. Call `act` in the middle of the motion."""
+        """Play a motion to its end, and return the playback. Call `act` in the middle."""
         playback, duration = self.start(goal)
         if act:
             self.wait(duration / 2)

@@ -1,4 +1,4 @@
-"""A strict reader of TOML files. Every error names its line, its key and the valid choices.
+"""A strict reader of TOML files. Every error names the line, the key and the valid choices.
 
 Slips (small errors of the syntax) are reported together, each with the corrected line.
 """
@@ -214,7 +214,7 @@ class TomlTable:
         return frozenset(frozenset(self._checked_names(key, pair, names)) for pair in values)
 
     def table(self, key: str) -> "TomlTable":
-        """Return a table within this one."""
+        """Return the table that is the value of a key."""
         values = self._value(key, dict)
         table = TomlTable(self._path, self._text, self._lines, self._full(key), values)
         table.mistakes = self.mistakes
@@ -388,7 +388,7 @@ def _shown(
     after: Sequence[str],
     slips: Mapping[int, tuple[int, Sequence[str]]],
 ) -> list[DescriptionError]:
-    """Return one error for each row with slips. It has the line and the corrected line."""
+    """Return one error for each row with slips. Each error has the line and the corrected line."""
     errors = []
     for row, (at, whys) in sorted(slips.items()):
         right = after[row] if after[row] != before[row] else ""

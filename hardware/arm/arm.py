@@ -75,7 +75,7 @@ class Arm:
             must return quickly, because the calling thread waits. It may stop the arm and may take
             locks. If a thread holds such a lock while it calls `stop`, the lock must be re-entrant.
             The arm logs exceptions of the callback and continues.
-        ready: Callback that waits until the next frame may be sent, at most for its argument [s].
+        ready: Callback that waits until the next frame may be sent, at most the given time [s].
             It returns True if the frame may be sent. It raises `WriteRefused` to end the motion.
             Default: every frame may be sent at once.
     """
@@ -168,8 +168,8 @@ class Arm:
         """Open the port and wait for the board to boot. Most boards reset, which may move the arm.
 
         Args:
-            start_pose: Pose of the arm when the port opens, one position per actuated joint [rad];
-                default: the start pose of the robot file.
+            start_pose: Pose of the arm when the port opens, one position per actuated joint [rad].
+                Default: the start pose of the robot file.
             meanwhile: Callback while the board boots. It must return quickly.
 
         Raises:
@@ -484,7 +484,7 @@ class Arm:
 
     @property
     def _activation_ended(self) -> HardwareError | None:
-        """Fault or stop that ends this activation, or None."""
+        """The fault or ActivationStopped that ends this activation, or None."""
         if self._failure or not self._canceled:
             return self._failure
         return ActivationStopped("the arm was stopped while its board booted")

@@ -34,8 +34,8 @@ class Connection:
 
     Args:
         robot: The robot.
-        start_pose: Pose of the arm, unless the board reports another one; one position per
-            actuated joint [rad].
+        start_pose: Pose of the arm, one position per actuated joint [rad]. A pose that the board
+            reports takes precedence.
         link: Link to the board.
         clock: Time source.
         observe: Callback for all bytes in both directions.
@@ -304,7 +304,7 @@ class Connection:
 
 
 def _join(thread: threading.Thread) -> None:
-    """Wait for the end of another thread. A slow observer may delay it."""
+    """Wait for the end of another thread. A slow observer may delay that thread."""
     if thread is not threading.current_thread():
         thread.join(OBSERVER_TIMEOUT)
         if thread.is_alive():

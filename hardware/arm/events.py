@@ -21,7 +21,7 @@ class FrameSent:
 
     Attributes:
         time: Time of the write [s].
-        data: Its bytes.
+        data: Bytes of the frame.
         positions: Commanded positions, one per actuated joint [rad].
         scheduled: Planned time of the write [s]; None for the hold frame of a stop.
     """

@@ -35,7 +35,7 @@ class MeasuredGuard:
     Args:
         joints: The actuated joints. The positions of prismatic joints are not checked.
         guards: The limits.
-        grips: Sign of the motion with which each joint of the gripper grips, by its name.
+        grips: Direction in which each joint of the gripper grips, by name: 1 or -1.
     """
 
     def __init__(self, joints: Sequence[Joint], guards: Guards, grips: Mapping[str, int]) -> None:
@@ -112,7 +112,7 @@ class MeasuredGuard:
             raise JointNotFollowing(joint.name, *values, guards.following_deg, self._effect)
 
     def _may_grip(self, joint: Joint, ahead: float) -> bool:
-        """Return True if a joint may hold an object: its command pushes it in its grip direction.
+        """Return True if a gripper's joint is commanded to grip further, so it may hold an object.
 
         Args:
             joint: The joint.

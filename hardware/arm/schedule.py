@@ -21,7 +21,7 @@ _SHORTEST_STEP = 0.001
 
 @dataclass(frozen=True, slots=True)
 class Setpoint:
-    """A frame and its time.
+    """A frame of a motion, with its time and joint positions.
 
     Attributes:
         time: Time of the frame from the start of the motion [s].
@@ -46,7 +46,7 @@ class Schedule:
             setpoint, but may differ from its positions.
         duration: Time until the board has executed the last frame [s].
         slowed: Time by which the board makes the motion longer than planned [s].
-        continues: True if another schedule follows at once. The joints then need not arrive.
+        continues: True if another schedule follows at once. The joints need not reach the end.
     """
 
     setpoints: tuple[Setpoint, ...]

@@ -30,7 +30,7 @@ class PlaybackState(Enum):
 
 
 class Playback:
-    """A schedule being played. The streamer writes it; every thread may read it.
+    """The playback of a schedule. Only the streamer changes it. Every thread may read it.
 
     Args:
         schedule: The schedule.
@@ -45,7 +45,7 @@ class Playback:
         arrived: Number of setpoints whose frames the board has acknowledged, or `written` if the
             board acknowledges none.
         state: State of the playback.
-        error: The error if it failed, else None.
+        error: The error if the playback failed, else None.
         max_lateness: Largest lateness of a frame so far [s].
         gripped: True if a gripper closed on an object. The motion then ends, and is not resumed,
             even if it was stopped before.
@@ -115,7 +115,7 @@ class Streamer:
         period: Period of frames [s]. A frame that is late by more than this delays the rest of the
             motion.
         on_fault: Callback for errors. It must close this streamer.
-        ready: Callback that waits until the next frame may be sent, at most for its argument [s].
+        ready: Callback that waits until the next frame may be sent, at most the given time [s].
             It returns True if the frame may be sent. It raises `WriteRefused` to end the motion.
         measured: The measured guard.
 

@@ -42,7 +42,7 @@ _VELOCITY_MARGIN = 1.01  # factor of a velocity limit, for rounding in planners
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """The right of one motion to command the arm, until it is released or a stop ends it.
+    """The right of one motion to command the arm. A release or a stop ends this right.
 
     Attributes:
         owner: Name of the owner.
@@ -59,7 +59,8 @@ class WriteGuard:
 
     Args:
         robot: The robot, with its limits and firmware.
-        link: Link to the board. Its `write` must have a deadline, because a stop waits for it.
+        link: Link to the board. The method `write` of the link must return within a deadline,
+            because a stop waits for a write in progress.
         clock: Time source.
         is_active: Callback that returns True if the lifecycle is *active*.
         observe: Callback for every write, in order, without a lock.

@@ -46,8 +46,8 @@ class Row:
 
     Attributes:
         joint: The joint.
-        servo: Id of its servo.
-        now: Present position of its servo [ticks]; None before its first answer.
+        servo: Id of the joint's servo.
+        now: Present position of the servo [ticks]; None before the first answer.
         least: Smallest position so far [ticks].
         most: Largest position so far [ticks].
         range: Angle between smallest and largest position [deg].
@@ -143,7 +143,7 @@ class Calibrator:
         ]
 
     def joints(self, kept: Mapping[str, Mapping[str, int]]) -> dict[str, CalibratedJoint]:
-        """Return the calibration of each joint, with the original values of its servo."""
+        """Return the calibration of each joint, with the first values of its servo."""
         found = dict[str, CalibratedJoint]()
         for joint in self._robot.actuated:
             report, values = self._reports[joint.name], kept[joint.name]
@@ -161,7 +161,7 @@ class Calibrator:
 
         Raises:
             DescriptionError: There is no calibration file.
-            CalibrationDiffers: The calibration file is of other servos.
+            CalibrationDiffers: The calibration file belongs to other servos.
         """
         if not self._earlier:
             raise DescriptionError(self.path, 0, "does not exist; there is nothing to restore")
@@ -174,7 +174,7 @@ class Calibrator:
 
     @property
     def difference(self) -> CalibrationDiffers | None:
-        """An error if the calibration file is of other servos, or None."""
+        """An error if the calibration file belongs to other servos, or None."""
         return next(filter(None, map(self._difference, self._reports)), None)
 
     def _difference(self, joint: str) -> CalibrationDiffers | None:
@@ -189,7 +189,7 @@ class Calibrator:
         return None
 
     def write(self, changes: Iterable[Change]) -> None:
-        """Write values to the servos, and read them back.
+        """Write values to the servos, and check them.
 
         Raises:
             NotKept: A servo reads back another value, or does not answer.

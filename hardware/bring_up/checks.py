@@ -28,7 +28,7 @@ def check_bus(robot: Robot, port: str) -> Iterator[Check]:
     """Yield the result of each check of a bus.
 
     Args:
-        robot: The robot. Its board can identify servos.
+        robot: A robot whose board can identify servos.
         port: Name of the port.
     """
     baud = robot.serial.baud

@@ -1,4 +1,4 @@
-"""The ids that servos had before `armtree calibrate --ids`: a file beside the calibration."""
+"""The file with the ids that servos had before `armtree calibrate --ids`."""
 
 import json
 from collections.abc import Mapping

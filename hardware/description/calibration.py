@@ -18,11 +18,11 @@ class CalibratedJoint:
     """The calibration of a joint.
 
     Attributes:
-        lower: Smallest position of its calibrated range [deg].
-        upper: Largest position [deg].
+        lower: Smallest position of the calibrated range [deg].
+        upper: Largest position of the calibrated range [deg].
         wire: Value of the key `wire`: a table of TOML in one line. The driver reads it.
-        before: Values that its servo stored before the first calibration, by the names in
-            `ServoReport`.
+        before: Values that the servo stored before the first calibration, by their names in
+            `ServoReport.kept`.
     """
 
     lower: float

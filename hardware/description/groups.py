@@ -18,7 +18,7 @@ class Tree:
     """The links of a URDF as a tree.
 
     Args:
-        urdf: The URDF. It must be valid.
+        urdf: A valid URDF.
 
     Attributes:
         root: Name of the link without a parent.
@@ -63,7 +63,7 @@ class Tree:
 
 
 def guess_gripper(urdf: Urdf) -> tuple[str, ...]:
-    """Return the names of the joints of the gripper, without mimic joints; empty if it has none.
+    """Return the names of the gripper's joints without mimic joints; empty without a gripper.
 
     The arm is the chain from the root. It ends at the branch into fingers. Without a branch, it
     ends before the last joints with names such as `gripper` or `finger`. It also ends before the

@@ -108,8 +108,8 @@ def mesh_in_mm(name: str, size: float, scale: Sequence[float]) -> str:
 
     Args:
         name: Name of the file.
-        size: Its largest size along an axis [m].
-        scale: Its scale in the URDF along x, y and z.
+        size: Largest size of the mesh along an axis [m].
+        scale: Scale of the mesh in the URDF along x, y and z.
     """
     right = " ".join(f"{each / 1e3:g}" for each in scale)
     why = f"the mesh {name} is {size:.0f} m long, which looks like mm"
@@ -142,7 +142,7 @@ def visual_mesh_warnings(path: Path, urdf: Urdf) -> Iterator[UrdfError]:
 
 
 def _is_stl(path: Path) -> bool:
-    """Return True if a file begins as STL in text, or has the size of its binary triangles."""
+    """Return True if a file begins as a text STL, or has the right size for a binary STL."""
     with path.open("rb") as stream:
         head = stream.read(84)
     size = 84 + 50 * int.from_bytes(head[80:], "little")

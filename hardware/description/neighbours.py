@@ -36,8 +36,8 @@ def advice_for_contact(robot: Robot, first: str, second: str) -> str:
 
     Args:
         robot: The robot.
-        first: Name of one link or body.
-        second: Name of the other one.
+        first: Name of the first link or body.
+        second: Name of the second link or body.
 
     Returns:
         The advice, or an empty text if they are not neighbours.

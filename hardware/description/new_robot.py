@@ -97,8 +97,8 @@ def draft_robot(
 
     Args:
         path: The URDF file.
-        largest: Largest size of a collision shape, and largest distance from the origin of its link
-            [m].
+        largest: Largest allowed size of a collision shape, and largest allowed distance of the
+            shape from the origin of the link [m].
         gripper: Names of the joints of the gripper; None to guess them.
         tool: Name of the link that carries the tool; None to guess it.
 

@@ -1,4 +1,4 @@
-"""The robot as data: joints, groups, limits, and its board."""
+"""The robot as data: joints, groups, limits and board."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -75,11 +75,11 @@ class CollisionRules:
 
 @dataclass(frozen=True, slots=True)
 class Tool:
-    """The tool center point (TCP). It moves to the targets of a task.
+    """The tool center point (TCP), which moves to the targets of a task.
 
     Attributes:
-        link: Link that carries it.
-        offset: Position in the frame of that link [m].
+        link: Name of the link that carries the tool.
+        offset: Position of the TCP in the frame of that link [m].
         axis: Direction in which the tool points, in the same frame.
     """
 
@@ -96,7 +96,7 @@ class Robot:
         name: Name of the robot.
         path: The robot file.
         urdf: The URDF file.
-        joints: The moving joints in the order of the robot file, then the mimic joints.
+        joints: The independent joints in the order of the robot file, then the mimic joints.
         groups: Names of the joints of each group, mimic joints included.
         serial: The serial line.
         driver: Driver of the board.
@@ -104,7 +104,7 @@ class Robot:
         collision: Rules of collision checking.
         tool: The tool, or None if the robot file has none.
         gripper: The gripper, or None if the robot file does not define its width.
-        brake: Time in which a stop slows the motion down before it holds [s]; 0 to hold at once.
+        brake: Time in which a stop slows the motion down before the hold [s]; 0 to hold at once.
         acceleration_sum: Largest sum of the absolute accelerations of all joints [rad/s2].
         needs_calibration: True if the robot must be calibrated before it moves on a real port.
         calibration: The calibration file, or None if there is none.
@@ -147,7 +147,7 @@ class Robot:
 
     @property
     def has_driver(self) -> bool:
-        """True if the robot file names a driver. Without one, only the port `virtual` exists."""
+        """True if the robot file names a driver. If not, only the port `virtual` can be used."""
         return not isinstance(self.driver, NullDriver)
 
     def __getstate__(self) -> dict[str, object]:
@@ -162,7 +162,7 @@ class Robot:
 
     @cached_property
     def description(self) -> Urdf:
-        """The URDF. It is read once, when it is first needed.
+        """The URDF. The file is read once, at the first use.
 
         Raises:
             OSError, ValueError, LookupError, UrdfError: `Urdf.read` failed.
@@ -422,7 +422,7 @@ class Robot:
         return {self.gripper.joint.name: self.gripper.position(self.kinematics, width)}
 
     def joint(self, name: str) -> Joint:
-        """Return the joint of that name.
+        """Return the joint with this name.
 
         Raises:
             KeyError: There is no such joint. The message lists the joints.

@@ -36,7 +36,7 @@ def load_robot(
 
     Args:
         path: The robot file, or the name of a shipped robot. Default: the Arduinobot.
-        urdf: The URDF file. Default: the one that the robot file names.
+        urdf: The URDF file. Default: the file that the robot file names.
         calibrated: False to ignore the calibration file. Default: True.
 
     Raises:
@@ -285,7 +285,7 @@ def _joint(
 
 
 def _in_radians(boot: float, urdf: UrdfJoint) -> str:
-    """Return a position in degrees as text in radians; "" if it is rad or outside the limits."""
+    """Return a position in degrees as text in radians; "" if it may be rad, or is out of limits."""
     exact = math.radians(boot)
     right = next((q for q in (round(exact, 4), exact) if urdf.lower <= q <= urdf.upper), None)
     return "" if urdf.unit != "rad" or abs(boot) <= math.tau or right is None else f"{right}"

@@ -89,7 +89,7 @@ class UrdfJoint:
 
     @property
     def unit(self) -> str:
-        """Unit of its position: `m` for a prismatic joint, else `rad`."""
+        """Unit of the joint's position: `m` for a prismatic joint, else `rad`."""
         return _unit(self.type)
 
     def following(self, leader: Joint) -> Joint:
@@ -254,7 +254,7 @@ class Urdf:
         """Yield every mistake of collision shapes.
 
         Args:
-            largest: Largest size of a shape, and largest distance from the origin of its link [m].
+            largest: Largest size of a shape, and largest coordinate of a shape in its link [m].
         """
         for link in self._root.findall("link"):
             for collision in link.findall("collision"):
@@ -297,7 +297,7 @@ class Urdf:
         return found
 
     def meshes(self) -> dict[str, bool]:
-        """Return the names of the mesh files, each with True if a collision shape uses it."""
+        """Return for the name of each mesh file whether a collision shape uses the file."""
         names = dict[str, bool]()
         for kind in ("collision", "visual"):
             for mesh in self._root.findall(f"link/{kind}/geometry/mesh"):
@@ -307,7 +307,7 @@ class Urdf:
     def text_with_meshes(
         self, find: Callable[[str], Path | str], kinds: Sequence[str] = ("collision",)
     ) -> str:
-        """Return the text of the URDF, with other names of its meshes.
+        """Return the text of the URDF with new names of mesh files.
 
         Args:
             find: Callback that returns the new name of a mesh, from its name in the URDF.

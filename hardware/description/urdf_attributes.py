@@ -1,4 +1,4 @@
-"""Attributes of the elements of a URDF, and misspelt ones."""
+"""Attributes of the elements of a URDF, and suggestions for misspelt attributes."""
 
 from xml.etree.ElementTree import Element
 
@@ -19,7 +19,7 @@ _ATTRIBUTES = {
 
 
 def given(element: Element, key: str, default: str) -> str:
-    """Return the value of an attribute, the default if it is absent, or "" if it is misspelt."""
+    """Return the value of an attribute; "" if it seems misspelt, or the default if it is absent."""
     return element.get(key, "" if misspelt(element, key) else default)
 
 

@@ -46,8 +46,8 @@ class BoardProtocol:
             report it.
         measured: Last measurement; None before the first one. Each measurement is a new object.
             Only a board with `Ability.MEASURE` measures.
-        free_at: Earliest time of the next frame [s]. It is later than now if the line must stay
-            free for an answer. The answer may free the line sooner.
+        free_at: Earliest time of the next frame [s]. A time after now means that the line must stay
+            free for an answer. When the answer comes, this time may become earlier.
         next_poll: Time of the next `poll` [s]; inf if no poll is due before the next frame or
             the next received bytes.
     """

@@ -52,7 +52,7 @@ class Firmware:
             fault [s]. It also applies on a busy host.
         max_step: Largest total turn of all servos by one frame, at this rate.
         boot_time: Time from opening the port until the board reads bytes [s].
-        baud: Speed of its line [bit/s]; 0 if any speed is possible.
+        baud: Speed of the line [bit/s]; 0 if any speed is possible.
         ring: Size of the receive buffer for unread bytes [bytes].
         unit_time: Time for which a turn by one unit blocks the board [s]; 0 if the board can read
             meanwhile.

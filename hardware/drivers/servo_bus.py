@@ -18,17 +18,17 @@ class ServoReport:
     """The report of a servo.
 
     Attributes:
-        servo: Its id.
-        model: Number of its model.
-        firmware: Version of its firmware.
-        voltage: Voltage of its supply [V].
-        temperature: Its temperature [C].
-        position: Its position [ticks].
-        torque: True if it has torque.
-        errors: Names of the errors that it reports.
-        kept: Values that it stores without power and that a calibration may change, by name: `id`,
-            `baud_rate`, `homing` (its offset, which is subtracted from its position), `least` and
-            `most` (its limits) [ticks], `mode` (`POSITION_MODE` if it moves to positions).
+        servo: Id of the servo.
+        model: Number of the model.
+        firmware: Version of the firmware.
+        voltage: Supply voltage [V].
+        temperature: Temperature of the servo [C].
+        position: Position [ticks].
+        torque: True if the servo has torque.
+        errors: Names of the reported errors.
+        kept: Values that the servo stores without power and that a calibration may change, by name:
+            `id`, `baud_rate`, `homing` (offset that is subtracted from the position), `least` and
+            `most` (limits) [ticks], `mode` (`POSITION_MODE` if the servo moves to positions).
     """
 
     servo: int
@@ -116,7 +116,7 @@ class ServoDriver(Protocol):
 
         Args:
             joint: The joint, with its present `wire`.
-            firmware: Firmware of its servo.
+            firmware: Firmware of the servo.
             kept: Values that its servo stores, by their names in `ServoReport.kept`.
             middle: Position of the joint in the middle between `least` and `most` [rad].
         """

@@ -120,14 +120,14 @@ class ServoSilent(BoardError):
 
 @dataclass(frozen=True, slots=True)
 class ServoHealth:
-    """Measured values of a servo, and its own limits.
+    """Measured values of a servo, and the limits that the servo stores.
 
     Attributes:
-        load: Its load, as a share of the largest torque of its series.
-        most_load: Limit of its load.
-        celsius: Its temperature [C].
-        most_celsius: Limit of its temperature [C].
-        volts: Voltage of its supply [V].
+        load: Load, as a share of the largest torque of the series.
+        most_load: Limit of the load.
+        celsius: Temperature [C].
+        most_celsius: Limit of the temperature [C].
+        volts: Supply voltage [V].
         least_volts: Lower limit of the voltage [V].
         most_volts: Upper limit of the voltage [V].
     """

@@ -1,4 +1,4 @@
-"""The serial ports of this machine. They are examined without opening them."""
+"""The serial ports of this machine. This module checks ports without opening them."""
 
 import grp
 import os

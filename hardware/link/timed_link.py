@@ -26,7 +26,7 @@ class TimedLink:
 
     Args:
         link: The link of the driver.
-        clock: Time source. Simulated time stands still during a call that does not wait on it.
+        clock: Time source. A simulated clock stops during a call that does not wait on the clock.
     """
 
     def __init__(self, link: Link, clock: Clock) -> None:

@@ -1,4 +1,4 @@
-"""Acknowledgements: compares the reports of the board with the frames sent to it.
+"""Acknowledgements: reports of the board about frames, which are compared with the sent frames.
 
 `firmware/README.md` describes the protocol.
 """

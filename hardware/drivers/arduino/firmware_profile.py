@@ -17,7 +17,7 @@ class ArduinoFirmware(Firmware):
         banner: First bytes of the line that the board sends after booting; empty if it sends
             nothing. The line ends with the frame that the board holds, which a reset does not
             change. A firmware with a banner also acknowledges frames; see `firmware/README.md`.
-        letters: Letters of its frames' fields, in order; empty if they depend on the robot.
+        letters: Letters of the fields of a frame, in order; empty if they depend on the robot.
     """
 
     banner: bytes = b""

@@ -108,7 +108,7 @@ class Feetech:
     def protocol(
         self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path
     ) -> BusProtocol:
-        """Return the protocol of a bus: its requests and answers."""
+        """Return the protocol of a bus with these joints."""
         wires = self.wire_format(joints, firmware)
         return BusProtocol(wires, firmware.lost_answers, firmware.rate, firmware.silent_time)
 

@@ -53,7 +53,7 @@ class BusProtocol(BoardProtocol):
 
     Args:
         wires: Wire format of the joints.
-        allowed: Lost answers of a servo in a row that are a fault.
+        allowed: Number of lost answers of a servo in a row that are a fault.
         rate: Rate of frames, and of requests while the arm may move [Hz].
         silent_time: If a servo has not answered for this time, late requests count, too [s].
     """
@@ -93,7 +93,7 @@ class BusProtocol(BoardProtocol):
         self.next_poll = -math.inf  # request the positions at once
 
     def check_booted(self, port: str, waited: float) -> None:
-        """Check that all servos answered, their modes, and their values of the calibration."""
+        """Check that all servos answered, and check their modes and calibrated values."""
         if not self._heard and self._noise:
             raise NoServos(port, waited, self._noise)
         if not self.boot_frame:
@@ -177,7 +177,7 @@ class BusProtocol(BoardProtocol):
             self.next_poll = now
 
     def poll(self, now: float) -> bytes:
-        """Return a request to all servos, after the answers or the timeout of the last one.
+        """Return a request to all servos, after the answers or timeout of the last request.
 
         For a series without SYNC READ, the request is sent in parts: one part to each servo.
 

@@ -17,8 +17,8 @@ class Register:
     """A value in the memory of a servo.
 
     Attributes:
-        address: Its first address.
-        size: Number of its bytes, 1 or 2.
+        address: First address of the value.
+        size: Number of bytes of the value, 1 or 2.
         sign: Number of the sign bit, or None if the value has no sign. The other bits are the
             magnitude.
         initial: Factory value.
@@ -37,12 +37,12 @@ class Series:
     """A series of servos.
 
     Attributes:
-        name: Its name.
+        name: Name of the series.
         big_endian: True if the high byte of a value comes first.
         sync_read: True if one request can read from several servos.
         ticks: Number of positions.
         turn: Angle of all positions together [deg].
-        registers: Its registers by name. Positions are in ticks, loads in 0.1 % of the largest
+        registers: The registers by name. Positions are in ticks, loads in 0.1 % of the largest
             torque, voltages in 0.1 V, temperatures in degrees Celsius, currents in 6.5 mA.
     """
 

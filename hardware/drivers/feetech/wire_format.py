@@ -17,7 +17,7 @@ class ServoWire:
     """The conversion of one joint: `ticks = middle + sign * (q + offset)`, scaled to ticks.
 
     Attributes:
-        servo: Id of its servo.
+        servo: Id of the joint's servo.
         sign: +1 or -1.
         offset: Added to the joint position [rad]. If the sum is 0, the servo is in the middle of
             its turn.

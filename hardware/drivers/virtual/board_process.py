@@ -23,8 +23,8 @@ class BoardProcess:
     """The process of a virtual board. A client can open the port at once, before the process runs.
 
     Args:
-        model: The board. The process has its own copy of it.
-        baud: Speed of its line [bit/s]. Bytes at another speed are lost. None accepts any speed.
+        model: Model of the board. The process gets a copy.
+        baud: Speed of the line [bit/s]. Bytes at another speed are lost. None accepts any speed.
 
     Attributes:
         port: Name of the pseudo-terminal.
@@ -86,7 +86,7 @@ class VirtualLink:
         baud: Speed of the line [bit/s].
 
     Attributes:
-        board: The process of the board while it is switched on.
+        board: The process of the board; None while the board is switched off.
     """
 
     port = VIRTUAL

@@ -85,7 +85,7 @@ class BoardLink(Generic[Model]):
 
 
 class NullLink:
-    """A link without a board: it accepts all bytes and never answers.
+    """A link without a board. The link accepts all bytes and returns none.
 
     Args:
         clock: Time source.

@@ -1,8 +1,8 @@
 """The process of a virtual board.
 
-It serves a pseudo-terminal that it inherits. Every line on its standard input is the name of a
-method of the board with its arguments, pickled in base64. The process answers with the result in
-the same form. The process ends when its standard input ends.
+The process serves a pseudo-terminal that it inherits. Every line on the standard input is the name
+of a method of the board with arguments, pickled in base64. The process answers with the result in
+the same form. The process ends when the standard input ends.
 """
 
 import base64

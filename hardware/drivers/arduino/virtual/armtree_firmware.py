@@ -21,7 +21,7 @@ class ArmtreeFirmware:
         letters: Letters of the fields of a frame, in order.
         boot_angles: Servo angles if the memory holds none [deg].
         held: Servo angles that the memory holds at the start [deg], or None.
-        banner: First bytes of the first line that it sends.
+        banner: First bytes of the first line that the firmware sends.
         out: Transmit buffer.
         began: Time of the start [s].
     """
@@ -188,7 +188,7 @@ class ArmtreeFirmware:
 
 
 class _Parser:
-    """The parser. It accepts only whole frames and commands.
+    """The parser of the firmware. It accepts only whole frames and commands.
 
     A byte that does not fit drops the bytes before it, and may begin a new frame or command.
     """

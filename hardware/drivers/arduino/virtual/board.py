@@ -76,8 +76,8 @@ class Board:
     Args:
         letters: Letters of the fields of a frame, in order.
         boot_angles: Servo angles after switching on [deg].
-        firmware: Its firmware.
-        baud: Speed of its line [bit/s].
+        firmware: Firmware of the board.
+        baud: Speed of the line [bit/s].
     """
 
     def __init__(
@@ -123,7 +123,7 @@ class Board:
             )
 
     def receive(self, data: bytes, now: float) -> None:
-        """Put bytes on the line. They arrive one by one, at its speed."""
+        """Put bytes on the line. They arrive one by one, at the speed of the line."""
         self.advance(now)
         for byte in data:
             self._line_free = max(self._line_free, now) + self._byte_time

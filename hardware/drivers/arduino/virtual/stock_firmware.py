@@ -38,7 +38,7 @@ class StockSketch:
     Args:
         letters: Letters of the fields, in order.
         angles: Servo angles at the start [deg].
-        firmware: Its profile.
+        firmware: Profile of the sketch.
         began: Time of the start [s].
     """
 

@@ -82,7 +82,7 @@ class Bus:
         self._received.clear()
 
     def receive(self, data: bytes, now: float) -> None:
-        """Put bytes on the line. They arrive one by one, at its speed."""
+        """Put bytes on the line. They arrive one by one, at the speed of the line."""
         self._advance(now)
         if data and any(end > now for end, _ in self._leaving):
             self._collisions += 1  # both sides drive the wire, which damages the answer

@@ -58,15 +58,15 @@ class _Settings:
 
 
 class Servo:
-    """A model of a servo. It follows its goal with a limited speed and acceleration.
+    """A model of a servo. The servo moves to its goal with a limited speed and acceleration.
 
-    Its load is roughly that of an arm: `gravity` times the cosine of the angle from the middle,
+    Its load is roughly the load of an arm: `gravity` times the cosine of the angle from the middle,
     plus the load of accelerating.
 
     Args:
-        series: Its series.
-        servo: Its id.
-        position: Its position [ticks].
+        series: Series of the servo.
+        servo: Id of the servo.
+        position: Position at the start [ticks].
         gravity: Load of holding the arm in the middle, as a share of the largest torque.
 
     Attributes:
@@ -103,12 +103,12 @@ class Servo:
 
     @property
     def servo(self) -> int:
-        """Its id."""
+        """Id of the servo."""
         return self._memory[self._id]
 
     @property
     def position(self) -> float:
-        """Its position [ticks]."""
+        """Present position [ticks]."""
         return self._position
 
     @property
@@ -142,7 +142,7 @@ class Servo:
         self._memory[address : address + len(data)] = data
 
     def read(self, address: int, count: int) -> bytes:
-        """Return bytes of its memory; 0 at addresses without a register."""
+        """Return bytes of the memory; 0 at addresses without a register."""
         self._report()
         return bytes(self._memory[address : address + count]).ljust(count, b"\0")
 
@@ -235,7 +235,7 @@ class Servo:
         return min(max(goal, low), high) if low or high else goal
 
     def _wants(self) -> float:
-        """Return the distance to its goal [ticks]; 0 inside its dead zone or without torque."""
+        """Return the distance to the goal [ticks]; 0 inside the dead zone or without torque."""
         settings = self._set()
         if not settings.torque or self._errors():
             return 0.0
@@ -283,11 +283,11 @@ class Servo:
 
     @property
     def _voltage(self) -> int:
-        """Voltage of its supply under its load [0.1 V]."""
+        """Supply voltage under the present load [0.1 V]."""
         return round(max(self.supply - _SAG * abs(self._load), 0.0) * 10)
 
     def _errors(self) -> int:
-        """Return the error bits that it reports."""
+        """Return the error bits that the servo reports."""
         settings = self._set()
         low, high = settings.voltages
         errors = 0x01 * (not low <= self._voltage <= high)
@@ -295,7 +295,7 @@ class Servo:
         return errors | 0x20 * (self._stalled > _STALL_TIME)
 
     def _report(self) -> None:
-        """Write the measured values to its memory."""
+        """Write the measured values to the memory."""
         values = {
             "position": round(self._position),
             "speed": round((self._position - self._past[0]) / (_WINDOW * _STEP)),

@@ -139,7 +139,7 @@ def test_the_answer_to_another_request_is_not_a_position() -> None:
 
 def test_nothing_is_written_before_the_arm_is_active_but_requests(tmp_path: Path) -> None:
     with rig(tmp_path, Fault("vanish", 3, 0.0)) as made:
-        why = r"Within 1 s, .* report the position of servo 3 \(joint_3\). Check its power, id and baud rate"
+        why = r"Within 1 s, .* report the position of servo 3 \(joint_3\). Check its power, id"
         with pytest.raises(ServoMissing, match=why):
             made.arm.activate()
         assert made.arm.state is State.INACTIVE
