@@ -198,7 +198,7 @@ class Connection:
             if abs(q - near) > least:
                 words = joint.name, rounded(q, joint.unit), rounded(near, joint.unit)
                 way = "%s is at %s, and moves to its limit, %s; "
-                logger.warning(way + "this way is not checked for collisions", *words)
+                logger.warning(way + "this motion is not checked for collisions", *words)
         return frame != self._robot.wire_format.encode(pose)
 
     def _pause(self, until: float) -> None:

@@ -217,7 +217,7 @@ def _joints(
                 near = suggestion(name, moving, [*table])
                 table.fail(name, f"the URDF has no such joint; it has {', '.join(moving)}{near}")
             if moving[name].mimic:
-                table.fail(name, "follows another joint in the URDF and has no servo of its own")
+                table.fail(name, "follows another joint in the URDF and has no servo; remove it")
             if joint := _joint(name, table.table(name), moving[name], driver, calibration):
                 own[name] = joint
     if table.mistakes:

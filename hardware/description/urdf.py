@@ -93,7 +93,7 @@ class UrdfJoint:
         return _unit(self.type)
 
     def following(self, leader: Joint) -> Joint:
-        """Return this mimic joint with the leader's speed and acceleration times the multiplier."""
+        """Return this joint with its leader's velocity and acceleration times the multiplier."""
         assert self.mimic
         scale = abs(self.mimic.multiplier)
         return Joint(
@@ -297,7 +297,7 @@ class Urdf:
         return found
 
     def meshes(self) -> dict[str, bool]:
-        """Return for the name of each mesh file whether a collision shape uses the file."""
+        """Return the names of the mesh files: True for the files that collision shapes use."""
         names = dict[str, bool]()
         for kind in ("collision", "visual"):
             for mesh in self._root.findall(f"link/{kind}/geometry/mesh"):

@@ -206,7 +206,7 @@ class CalibrationMissing(HardwareError):
     def __init__(self, path: Path, expected: Path, command: str) -> None:
         super().__init__(
             f"{path} needs a calibration, and {expected} does not exist. Write it with `{command}`;"
-            " `--import FILE` imports one of LeRobot. The port virtual needs none"
+            " `--import FILE` imports a calibration by LeRobot. The port virtual needs none"
         )
 
 

@@ -69,7 +69,7 @@ class BoardProcess:
             self._process.stdin.flush()
             return pickle.loads(base64.b64decode(self._process.stdout.readline()))
         except (OSError, ValueError, EOFError):  # a broken or closed pipe, or no answer
-            raise LinkError(self.port, "the virtual board has ended") from None
+            raise LinkError(self.port, "the virtual board has ended; activate again") from None
 
     def close(self) -> None:
         """End the process, as if the cable were disconnected. Does nothing if it has ended."""

@@ -16,6 +16,6 @@ void servo_begin(void);
 // Set the pulse widths [us]. All change in the same cycle.
 void servo_pulses(const uint16_t us[SERVOS]);
 
-// Return the pulse width [us] for an angle [1/256 deg], truncated. As in the Arduino Servo library,
-// widths are 544 to 2400 us.
+// Return the pulse width [us] for an angle [1/256 deg], truncated: 544 to 2400 us, as in the Arduino
+// Servo library.
 uint16_t servo_us(uint16_t angle);

@@ -185,8 +185,8 @@ def test_a_stop_may_be_far_behind_the_limit_of_the_urdf(
             return
         made.arm.activate()
         assert made.arm.commanded[0] == made.robot.actuated[0].upper
-        way = "joint_1 is at 111.1 deg, and moves to its limit, 90.0 deg; this way is not checked"
-        assert f"{way} for collisions" in caplog.messages
+        way = "joint_1 is at 111.1 deg, and moves to its limit, 90.0 deg; this motion is not"
+        assert f"{way} checked for collisions" in caplog.messages
         moves_in_slowly(made, at, 3072)
 
 
