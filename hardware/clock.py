@@ -1,7 +1,7 @@
 """Injected time: the real clock, and a simulated clock that jumps when all threads wait.
 
 No other code reads the time, sleeps or starts a thread. Therefore a program runs the same code with
-a `SimulatedClock` as with a `RealClock`, without waiting.
+a `SimulatedClock` as with a `RealClock`, but needs no real time for its waits.
 """
 
 import threading
@@ -12,21 +12,25 @@ from typing import Protocol
 
 
 class Signal(Protocol):
-    """A condition variable with timeouts on a clock. Hold it (`with`) to wait or notify."""
+    """A condition variable of a clock. Acquire it (`with`) to wait or notify."""
 
     def __enter__(self) -> object: ...
 
     def __exit__(self, *raised: object) -> None: ...
 
     def wait(self, until: float | None) -> None:
-        """Release the lock, sleep until a notification or a time [s], and acquire it again."""
+        """Release the lock, sleep until a notification, and acquire the lock again.
+
+        Args:
+            until: Latest end of the sleep on the clock [s]; None for no limit.
+        """
 
     def notify(self) -> None:
         """Wake all waiting threads."""
 
 
 class Clock(Protocol):
-    """Monotonic time, and the signals and threads that wait on it."""
+    """A monotonic clock. It also creates signals, and threads that wait with these signals."""
 
     def now(self) -> float:
         """Return the monotonic time [s]."""
@@ -38,11 +42,11 @@ class Clock(Protocol):
         """Return a new condition variable on this clock."""
 
     def spawn(self, target: Callable[[], None], name: str) -> threading.Thread:
-        """Start a daemon thread that waits on this clock only through its signals."""
+        """Start a daemon thread and return it. `target` may only wait with signals of the clock."""
 
 
 def utc_ns(clock: Clock, time: float | None = None) -> int:
-    """Return a time of a clock [s], default now, as UTC [ns since 1970]."""
+    """Return a time of a clock [s] as UTC [ns since 1970]. Default: now."""
     return clock.epoch_ns() + round((clock.now() if time is None else time) * 1e9)
 
 
@@ -215,7 +219,7 @@ class _SimulatedSignal:
         try:
             self._lock.release()
             sleeper.woken.wait()
-        finally:  # also after Ctrl-C: the caller releases the lock
+        finally:  # also after Ctrl-C, because the caller releases the lock
             self._lock.acquire()
             self._clock.wake([sleeper])
             self._sleepers.remove(sleeper)

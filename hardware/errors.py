@@ -1,6 +1,6 @@
 """Errors of the arm.
 
-The root is HardwareError. LinkError concerns the serial port. BoardError concerns the board.
+The base class is HardwareError. LinkError concerns the serial port. BoardError concerns the board.
 WriteRefused concerns a frame that the write guard did not send. `drivers/servo_errors.py` has the
 errors of servos on a bus. Every error has a stable `code`, and its message says what to do.
 """
@@ -19,15 +19,15 @@ _NO_THREAD = "can't start new thread"  # message of the interpreter
 
 
 class ArmtreeError(Exception):
-    """armtree failed. Root of the errors of all rooms.
+    """armtree failed. Base class of all errors of armtree.
 
     Attributes:
         code: Stable name of the cause.
         exit_status: Exit status of a command that ends with this error.
-        http_status: HTTP status of the answer to a request that it ends.
+        http_status: HTTP status of the answer to a request that fails with this error.
         hint: Advice for the user.
-        heading: Text before the message of the cause; empty for no text.
-        by_code: The loaded classes with a code of their own, by code.
+        heading: Text that output puts before the message; empty for no text.
+        by_code: Loaded error classes that define a code, by this code.
     """
 
     code = "internal"
@@ -56,7 +56,7 @@ class HostLimit(ArmtreeError):
     """A limit of the operating system is too low.
 
     Args:
-        words: Description of the limit, for the message.
+        words: Description of the failure, for the message.
         option: Command that raises the limit, such as `ulimit -n 1024`.
     """
 
@@ -70,7 +70,7 @@ class HostLimit(ArmtreeError):
 
 
 def host_limit(error: BaseException) -> HostLimit | None:
-    """Return the error for a limit of the operating system; None if the cause is another one.
+    """Return the error for a limit of the operating system; None if an error has other causes.
 
     Args:
         error: An error of a system call, or of the start of a thread.
@@ -86,7 +86,7 @@ def host_limit(error: BaseException) -> HostLimit | None:
 
 
 class HardwareError(ArmtreeError):
-    """The arm failed. Root of the errors of this room."""
+    """The arm failed. Base class of the errors of this package."""
 
     code = "hw.error"
     exit_status = 6
@@ -115,7 +115,7 @@ class NoDriver(HardwareError):
     """The robot file names no driver. The arm moves on the port `virtual` only.
 
     Attributes:
-        path: The file.
+        path: The robot file.
     """
 
     code = "hw.no_driver"
@@ -140,8 +140,8 @@ class NotAble(HardwareError):
 
     def __init__(self, robot: str, firmware: str, ability: str) -> None:
         super().__init__(
-            f"The board of {robot}, with the firmware {firmware}, cannot {ability}. Name an arm "
-            "whose board can, such as `--robot so101`; see the page *Bus servos by Feetech*"
+            f"The board of {robot}, with the firmware {firmware}, cannot {ability}. Use an arm "
+            "whose board can, for example `--robot so101`; see the page *Bus servos by Feetech*"
         )
 
 
@@ -205,7 +205,7 @@ class PortDenied(LinkError):
 
 
 class PortBusy(LinkError):
-    """Another program has the serial port."""
+    """Another program, or another arm of this program, uses the serial port."""
 
     code = "hw.port_busy"
     exit_status = 9
@@ -215,9 +215,9 @@ class PortBusy(LinkError):
         who = "another program" if owner is None else f"the program with process id {owner}"
         advice = "End that program first"
         if owner == os.getpid():
-            who, self.hint = f"this program itself, process id {owner}", "close the arm that has it"
+            who, self.hint = f"this program, process id {owner}", "close the arm on this port"
             advice = (
-                "Close the arm that has it. If a write to the port does not return, unplug the "
+                "Close the arm on this port. If a write to the port does not return, unplug the "
                 "board and plug it in again, then try again"
             )
         super().__init__(port, f"The port {port} is in use by {who}. {advice}")
@@ -255,19 +255,19 @@ class BoardError(HardwareError):
 
 
 class BoardSilent(BoardError):
-    """A report of the board, which the arm needs before it moves, is missing."""
+    """The board did not send a report that the arm needs before it moves."""
 
     code = "hw.board_silent"
     hint = "check power and cable of the board, and the firmware in the robot file"
 
     def __init__(self, port: str, seconds: float, what: str, advice: str) -> None:
         super().__init__(
-            f"The board on port {port} did not report within {seconds:g} s {what}. {advice}"
+            f"Within {seconds:g} s, the board on port {port} did not report {what}. {advice}"
         )
 
 
 class WrongFirmware(BoardError):
-    """The firmware of the board is not the one in the robot file."""
+    """The board does not run the firmware that the robot file names."""
 
     code = "hw.wrong_firmware"
     hint = "correct the robot file"
@@ -280,16 +280,16 @@ class WrongFirmware(BoardError):
 
 
 class PoseOutsideLimits(BoardError):
-    """A servo is outside the limits of its joint, and the first frame would make it jump."""
+    """A servo is outside the limits of its joint, and would jump at the first frame."""
 
     code = "hw.pose_outside"
     hint = "move the joint inside its limits, as the message says"
 
     def __init__(self, joint: str, place: str, limit: str, advice: str) -> None:
         super().__init__(
-            f"The servo of {joint} is at {place}. The limits of the joint end at {limit}: a motion "
-            f"from there would begin with a jump. To move it, {advice}; or widen the limits in the "
-            "URDF"
+            f"The servo of {joint} is at {place}, outside the limits of the joint, which end at "
+            f"{limit}. A motion would begin with a jump. First {advice}; or widen the limits in "
+            "the URDF"
         )
 
 
@@ -307,7 +307,7 @@ class BoardReset(BoardError):
 
 
 class FrameLost(BoardError):
-    """The frames that the board received differ from the sent ones."""
+    """The board did not acknowledge a frame in time, or received other frames than were sent."""
 
     code = "hw.frame_lost"
     hint = "check the cable"
@@ -317,12 +317,12 @@ class FrameLost(BoardError):
 
 
 class MeasuredFault(BoardError):
-    """A measured value exceeds its limit.
+    """A measured value is beyond its limit.
 
     Attributes:
         joint: Name of the joint.
-        value: The measured value.
-        limit: Its limit.
+        value: Value beyond the limit: a distance [rad], an effort, a temperature or a voltage.
+        limit: Limit of the value, in the same unit.
     """
 
     def __init__(
@@ -364,7 +364,7 @@ class JointStalled(MeasuredFault):
     ) -> None:
         advice = ", or lift less"
         if opens:  # a joint of the gripper, in the direction in which it does not grip
-            advice = ". If it grips with this motion, change grips in the robot file"
+            advice = ". If the gripper grips with this motion, change grips in the robot file"
         super().__init__(
             joint,
             effort,
@@ -440,7 +440,7 @@ class DriverFailed(HardwareError):
 
 
 def as_hardware_error(error: BaseException) -> HardwareError:
-    """Return the error itself if it is a HardwareError, else DriverFailed with it as the cause."""
+    """Return the error if it is a HardwareError, else a DriverFailed with this error as cause."""
     return error if isinstance(error, HardwareError) else DriverFailed(error)
 
 
@@ -491,7 +491,7 @@ class NotActive(WriteRefused):
 
 
 class ArmClaimed(WriteRefused):
-    """Another motion has the arm."""
+    """Another motion already commands the arm."""
 
     code = "hw.claimed"
     hint = "stop the arm first"
@@ -503,7 +503,7 @@ class ArmClaimed(WriteRefused):
 
 
 class StaleGeneration(WriteRefused):
-    """The motion was stopped, so it may not send frames."""
+    """The motion was stopped, or the arm moved since it was planned. It may not send frames."""
 
     code = "hw.stale"
     hint = "run again"
@@ -542,7 +542,7 @@ class BadPosition(WriteRefused, ValueError):
 
 
 class TooFast(WriteRefused):
-    """The board cannot process a frame. It comes too early, or a servo moves too far."""
+    """The board cannot process a frame: it comes too early, or turns the servos too far."""
 
     code = "hw.too_fast"
     hint = "lower the velocity in the robot file"
@@ -552,7 +552,7 @@ class ScheduleTooLong(WriteRefused):
     """A motion of the whole arm would take too long.
 
     Attributes:
-        value: Its duration [s].
+        value: Duration of the motion [s].
         limit: Largest duration [s].
     """
 
@@ -569,8 +569,8 @@ class JointTooFast(WriteRefused):
 
     Attributes:
         joint: Name of the joint.
-        value: Its velocity [rad/s].
-        limit: Its velocity limit [rad/s].
+        value: Planned velocity of the joint [rad/s].
+        limit: Velocity limit of the joint [rad/s].
     """
 
     code = "hw.joint_too_fast"

@@ -22,7 +22,7 @@ def read_file(path: Path, most: int) -> bytes:
         ValueError: The path is invalid.
     """
     _check_ordinary(os.stat(path), path)
-    # A pipe or port may just have replaced it.
+    # A pipe or port may have replaced the file since then.
     handle = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
     with os.fdopen(handle, "rb") as stream:
         _check_ordinary(os.fstat(handle), path)
@@ -33,7 +33,7 @@ def read_file(path: Path, most: int) -> bytes:
 
 
 def user_folder() -> Path:
-    """Return the user's own folder for files of armtree. It may be missing."""
+    """Return the folder for the user's files of armtree. The folder may be missing."""
     own = os.environ.get("XDG_CONFIG_HOME", "")
     folder = own if os.path.isabs(own) else os.path.expanduser("~/.config")
     return Path(folder) / "armtree"
@@ -44,7 +44,7 @@ def write_file(path: Path, data: bytes) -> None:
 
     Args:
         path: The file. It need not exist. A symbolic link stays, and its target is replaced. A pipe
-            or a device is written.
+            or a device is not replaced: the content is written to it.
         data: The new content.
 
     Raises:

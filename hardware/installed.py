@@ -1,7 +1,7 @@
-"""Versions and entry points of installed packages, as importlib.metadata returns them.
+"""Versions and entry points of installed packages, in place of importlib.metadata.
 
-importlib.metadata reads the files of all packages with a parser for e-mail. This costs a run 40 ms,
-mostly for imports.
+importlib.metadata reads the files of all packages with a parser for e-mail. This takes 40 ms in
+each run, mostly for imports.
 """
 
 import os
@@ -52,7 +52,7 @@ def version(name: str) -> str:
     """Return the version of a package; empty if it is not installed.
 
     Args:
-        name: Name as in its dist-info folder: lower case, with _ for each - and dot.
+        name: Name as in the dist-info folder of the package: lower case, _ for each - and dot.
     """
     for folder in _packages(tuple(sys.path)):
         package, _, number = os.path.basename(folder).removesuffix(".dist-info").partition("-")
@@ -75,7 +75,7 @@ def _entry_point_files(path: tuple[str, ...]) -> list[str]:
 
 @cache
 def _packages(path: tuple[str, ...]) -> list[str]:
-    """Return the folders that describe the packages on a path, in its order."""
+    """Return the folders that describe the packages on a path, in the order of the path."""
     found: list[str] = []
     for folder in path:
         with suppress(OSError):  # the path is a ZIP file, or it does not exist

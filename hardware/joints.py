@@ -17,10 +17,10 @@ DISPLAY_UNITS = {"rad": (math.degrees(1.0), "deg"), "m": (1e3, "mm")}
 
 @dataclass(frozen=True, slots=True)
 class Mimic:
-    """A joint that follows another: `multiplier * leader + offset`.
+    """The relation of a follower joint to its leader: `multiplier * leader + offset`.
 
     Attributes:
-        leader: Name of the joint that it follows.
+        leader: Name of the leader.
         multiplier: Factor of the leader's position.
         offset: Position of the follower when the leader is at 0 [rad].
     """
@@ -30,7 +30,7 @@ class Mimic:
     offset: float
 
     def value(self, leader: float) -> float:
-        """Return the follower's position for the position of its leader [rad]."""
+        """Return the follower's position [rad] for a position of its leader [rad]."""
         return self.multiplier * leader + self.offset
 
 
@@ -47,10 +47,10 @@ class Joint:
         boot: Position in the start pose: at the start of a plan, and after a reset of the board
             [rad].
         mimic: Relation to the joint that it follows; None if it moves independently.
-        wire: Its encoding in a frame. None if it has no servo of its own, or if the robot file
-            names no driver.
-        unit: Unit of its position: `rad`, or `m` for a prismatic joint.
-        swept: Its calibrated range [rad], which may exceed its limits; None without a calibration.
+        wire: Encoding of the joint in a frame. None if the joint has no servo of its own, or if the
+            robot file names no driver.
+        unit: Unit of the position: `rad`, or `m` for a prismatic joint.
+        swept: Calibrated range [rad], which may exceed the limits; None without a calibration.
     """
 
     name: str
@@ -66,27 +66,27 @@ class Joint:
 
     @property
     def continuous(self) -> bool:
-        """True if it turns without limits. Positions that differ by a whole turn are then equal."""
+        """True if the joint turns without limits. Positions a whole turn apart are then equal."""
         return self.unit == "rad" and self.lower == -math.inf and self.upper == math.inf
 
     def words(self, position: float, digits: int = 5) -> str:
-        """Return a position [rad] for people, in degrees or in mm, with this number of digits."""
+        """Return a position [rad] as text in degrees or mm, with `digits` significant digits."""
         scale, unit = DISPLAY_UNITS[self.unit]
         return f"{scale * position:z.{digits}g} {unit}"  # `z` writes 0, not -0
 
 
 def rounded(position: float, unit: str = "rad") -> str:
-    """Return a position in a unit of `Joint` for people, to a tenth of a degree or of a mm."""
+    """Return a position in `unit` (`rad` or `m`) as text in degrees or mm, with one decimal."""
     scale, name = DISPLAY_UNITS[unit]
     return f"{scale * position:z.1f} {name}"
 
 
 def joint_words(positions: Mapping[str, float], units: Mapping[str, str]) -> str:
-    """Return positions by joint [rad] for people, as `joint_1 70.0 deg, joint_2 0.0 deg`.
+    """Return positions as text, such as `joint_1 70.0 deg, joint_2 0.0 deg`.
 
     Args:
-        positions: The positions.
-        units: Units of joints by name. Default for a joint: rad.
+        positions: Positions by the names of the joints [rad].
+        units: Units by the names of the joints: `rad` or `m`. Default for a joint: `rad`.
     """
     return ", ".join(
         f"{name} {rounded(q, units.get(name, 'rad'))}" for name, q in positions.items()
@@ -94,7 +94,7 @@ def joint_words(positions: Mapping[str, float], units: Mapping[str, str]) -> str
 
 
 def check_position(joint: Joint, q: object) -> float:
-    """Check that a joint position may be sent.
+    """Check that a joint position is a finite number within the limits of the joint.
 
     Args:
         joint: The joint.

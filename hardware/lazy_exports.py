@@ -1,4 +1,4 @@
-"""Loads public names of a package at their first use, so that its import is quick.
+"""Loads public names of a package at their first use, so that the package is quick to import.
 
 The package lists the names as imports under `if typing.TYPE_CHECKING`. This module reads them.
 """
@@ -31,13 +31,13 @@ def lazy_exports(package: str) -> Callable[[str], Any]:
 
 
 def public_names(file: str) -> list[str]:
-    """Return the public names of a package or module. Reads its file without importing it."""
+    """Return the public names of a package or module from its file, without importing it."""
     return [*_sources(file)]
 
 
 @cache
 def _sources(file: str) -> dict[str, str]:
-    """Return the module of each public name in a file: of each `from x import A as A`."""
+    """Return the modules of the public names of a file, by name: of all `from x import A as A`."""
     nodes = ast.walk(ast.parse(Path(file).read_bytes()))
     return {
         alias.name: "." * node.level + (node.module or "")

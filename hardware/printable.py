@@ -4,7 +4,7 @@ import re
 
 _HEX = "0x"
 _NEXT_LINE = re.compile(r"\n(?=\S)")
-_SPACE = "\n\r\t"  # white space of a text of a wire
+_SPACE = "\n\r\t"  # white space in a text from a wire
 _BEFORE, _WIDTH = 40, 96  # characters of a cut line before the caret, and in total
 _MOST = 800  # characters of a corrected line
 
@@ -37,12 +37,12 @@ def escaped(text: str) -> str:
 
 
 def excerpt(line: str, column: int, instead: str = "") -> str:
-    """Return a line of a file with a caret, for a message; and the corrected line, if it is given.
+    """Return a line of a file with a caret below it, then the corrected line, for a message.
 
     Args:
-        line: The line. The result has the part around the caret of a long one.
+        line: The line. Of a long line, the result has only the part around the caret.
         column: Column of the caret, from 1.
-        instead: The corrected line, or "".
+        instead: The corrected line, or "" for none.
     """
     begin = max(0, column - 1 - _BEFORE) if len(line) > _WIDTH else 0
     text = f"\n    {in_one_line(line[begin : begin + _WIDTH])}\n    {' ' * (column - 1 - begin)}^"
@@ -55,10 +55,10 @@ def in_one_line(text: str) -> str:
 
 
 def wire_text(data: bytes) -> str:
-    """Return the bytes of a wire for people: a text as it is, other bytes as `0xff ff 01 04`.
+    """Return bytes as text for people: a text unchanged, other bytes as `0xff ff 01 04`.
 
-    Bytes are a text if all of them are printable ASCII characters, line ends or tabs. Different
-    bytes give different results.
+    Bytes are a text if all of them are printable ASCII characters, line ends or tabs, and if they
+    do not begin with `0x`. Different bytes give different results.
     """
     text = data.decode("latin-1")
     plain = data.isascii() and all(each.isprintable() or each in _SPACE for each in text)

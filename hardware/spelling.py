@@ -1,4 +1,4 @@
-"""Suggestions for misspelt names ("did you mean ...?"), and lists of the known ones."""
+"""Suggestions for misspelt names ("did you mean ...?"), and lists of known names."""
 
 from collections.abc import Collection, Iterable
 from itertools import groupby
@@ -13,8 +13,8 @@ _OTHER_START = 0.75  # factor for names with another first letter, which few peo
 def closest(word: str, known: Iterable[str], cutoff: float = _NEAR) -> str:
     """Return the known name that is most similar to a word; empty if none is similar.
 
-    Case and the signs between words do not count. If several names are equally similar, the result
-    is empty. If none is similar, it is the only name that begins with the word.
+    Case and signs between words do not count. If several names are equally similar, the result
+    is empty. If none is similar, the result is the only name that begins with the word.
 
     Args:
         word: The unknown word.
@@ -59,7 +59,7 @@ def _by_similarity(word: str, known: Iterable[str]) -> list[tuple[float, str]]:
 
 
 def _folded(name: str) -> str:
-    """Return a name without case and without the signs between its words."""
+    """Return a name in lower case, without signs between words."""
     return "".join(filter(str.isalnum, name)).lower() or name
 
 
@@ -69,7 +69,7 @@ def did_you_mean(near: str) -> str:
 
 
 def suggested(words: str) -> str:
-    """Return the name that a message suggests with `did_you_mean` at its end; empty if none."""
+    """Return NAME if a message ends with `; did you mean NAME?`; else an empty text."""
     name = words.removesuffix("?").rpartition("; did you mean ")[2]
     return name if words.endswith(did_you_mean(name)) and " " not in name else ""
 
@@ -86,9 +86,10 @@ def suggestion(word: str, known: Iterable[str], given: Collection[str] = ()) -> 
 
 
 def there_are(word: str, known: Iterable[str], given: Collection[str] = ()) -> str:
-    """Return `there are NAMES` or `there is only NAME`.
+    """Return words that list the known names, such as `there are NAMES`.
 
-    Of many names, it has only the similar ones, or the first ones if none is similar.
+    If there are many names, the words have only the similar names, or the first ones if none is
+    similar. If one name is very similar, the words are `did you mean NAME?`.
     """
     names = tuple(known)
     if len(names) == 1:
@@ -104,7 +105,7 @@ def there_are(word: str, known: Iterable[str], given: Collection[str] = ()) -> s
 
 
 def there_are_numbers(number: int, known: Iterable[int]) -> str:
-    """Return `there are NUMBERS`; of many numbers, only the ones nearest to an unknown one."""
+    """Return `there are NUMBERS`; if there are many, only the ones nearest to `number`."""
     numbers = sorted(known)
     if len(numbers) <= _ALL:
         return f"there are {', '.join(map(str, numbers)) or 'none'}"

@@ -35,9 +35,10 @@ from .link.link import Link
 _SAMPLES = 50
 _RANGE = 10.0  # tests move a joint without limits from minus this to this [rad]
 _SWITCHED = 0.01  # largest change of the pose when the torque is switched [rad]
-_NEAR = 0.05  # largest difference of a measured position at rest from the right one [rad]
-_SHARE = 0.2  # largest error of another measured value, as a part of the right one
-_LEAST = 0.02  # and at least, in the unit of the value
+_NEAR = 0.05  # largest error of a measured position at rest [rad]
+# Largest error of any other measured value: a part of the right value, or `_LEAST` if that is more.
+_SHARE = 0.2
+_LEAST = 0.02  # in the unit of the value
 _REST = 1.0  # time in which a moved joint comes to rest [s]
 _CYCLE = 0.1  # longest time between two measurements of a moving arm [s]
 _PATIENCE = 10.0  # longest wait for a thread [s]
@@ -50,8 +51,8 @@ class DriverContract:
 
     Attributes:
         robot_file: The robot file.
-        at_rest: Right values of what the model measures while it holds its start pose. Required
-            for a driver with `Ability.MEASURE`.
+        at_rest: Values that the model must measure while it holds its start pose. Required for a
+            driver with `Ability.MEASURE`.
     """
 
     robot_file: Path
@@ -184,7 +185,7 @@ class DriverContract:
                 assert _are_near(sums, moved), f"it moved by {moved}; the velocities say {sums}"
 
     def test_a_silent_board_is_a_fault_and_the_joints_hold(self) -> None:
-        """Within `silent_time` of the firmware, during a motion and at rest."""
+        """The fault must come within `silent_time`. The arm moves in one test, and rests in one."""
         if self.robot.can(Ability.MEASURE):
             for moves in (True, False):
                 with self._rig() as rig:
@@ -197,7 +198,7 @@ class DriverContract:
         rig.link.deaf, since = True, rig.clock.now()
         rig.wait(limit + _CYCLE)
         silent = [isinstance(error, BoardError) for error in rig.faults]
-        assert silent == [True], f"after {limit:g} s of silence, its faults are {rig.faults}"
+        assert silent == [True], f"after {limit:g} s of silence, the arm has faults {rig.faults}"
         commands = [event for event in rig.events if isinstance(event, CommandSent)]
         sent = [each for each in commands if each.time >= since and not each.request]
         assert sent, "no command holds or releases the joints after the fault"
@@ -208,12 +209,12 @@ class DriverContract:
             rig.arm.configure()
             rig.activate()
             there = rig.measured[-1].measurement.position
-            assert math.dist(there, held) < _NEAR, f"after the fault at {held}, it is at {there}"
+            assert math.dist(there, held) < _NEAR, f"the arm moved from {held} to {there}"
 
     # Abilities -------------------------------------------------------------------------------
 
     def test_torque_is_switched_off_and_on(self) -> None:
-        """Only with `Ability.TORQUE`. The arm then holds its pose, and the next motion plays."""
+        """Only with `Ability.TORQUE`. With torque again, the arm holds its pose and can move."""
         if self.robot.can(Ability.TORQUE):
             with self._rig() as rig:
                 rig.activate()
@@ -291,12 +292,12 @@ class _Rig:
         return [event for event in self.events if isinstance(event, Measured)]
 
     def goal(self, start: tuple[float, ...]) -> tuple[float, ...]:
-        """Return a pose in which every joint is moved by a fifth of its range, at most 0.5 rad."""
+        """Return a start pose with every joint moved by a fifth of its range, at most 0.5 rad."""
         joints = zip(self.arm.robot.actuated, start, strict=True)
         return tuple(_moved(*_limits(joint.lower, joint.upper), q) for joint, q in joints)
 
     def start(self, goal: tuple[float, ...]) -> tuple[Playback, float]:
-        """Start a straight motion at half of the velocity limits. Return also its duration [s]."""
+        """Start a straight motion at half the velocity limits. Return playback and duration [s]."""
         start, robot = self.arm.commanded, self.arm.robot
         moves = zip(robot.actuated, start, goal, strict=True)
         duration = max(2 * abs(b - a) / joint.velocity for joint, a, b in moves)
@@ -311,7 +312,7 @@ class _Rig:
         return self.arm.play(schedule, self._notify, "contract", generation), duration
 
     def play(self, goal: tuple[float, ...], act: Callable[[], None] | None = None) -> Playback:
-        """Play a motion until it ends. Call `act` in its middle."""
+        """Play a motion to its end, and return the playback. Call `act` in the middle."""
         playback, duration = self.start(goal)
         if act:
             self.wait(duration / 2)
@@ -356,7 +357,7 @@ class LinkContract:
         raise NotImplementedError
 
     def close(self) -> None:
-        """Release what `make_link` made besides the link."""
+        """Release everything that `make_link` created besides the link."""
 
     def test_bytes_arrive_in_both_directions(self) -> None:
         """Sends all values of a byte, in order. Opens the link twice."""
@@ -443,13 +444,13 @@ def _limits(lower: float, upper: float) -> tuple[float, float]:
 
 
 def _moved(lower: float, upper: float, start: float) -> float:
-    """Return a position moved by a fifth of the range, at most 0.5 rad, to the farther limit."""
+    """Return a position moved towards the farther limit: by a fifth of the range, up to 0.5 rad."""
     step = min((upper - lower) / 5, 0.5)
     return start + step if upper - start > start - lower else start - step
 
 
 def _are_near(values: Sequence[float], right: Sequence[float]) -> bool:
-    """Return True if measured values are right but for a fifth, or 0.02 if that is more."""
+    """Return True if each measured value is within a fifth of the right one, or within 0.02."""
     pairs = zip(values, right, strict=False)
     near = all(abs(a - b) <= max(_SHARE * abs(b), _LEAST) for a, b in pairs)
     return len(values) == len(right) and near

@@ -1,6 +1,6 @@
-"""A strict reader of TOML files. Every error names its line, its key and the valid choices.
+"""A strict reader of TOML files. Every error names the line, the key and the valid choices.
 
-Slips of the syntax are reported together, each with the line as it should be.
+Slips (small errors of the syntax) are reported together, each with the corrected line.
 """
 
 import math
@@ -55,7 +55,7 @@ class TomlTable:
         self._path, self._text, self._lines = path, text, lines
         self._name, self._values = name, values
         self._known: set[str] = set()  # keys that a method has read
-        # Mistakes that `later` keeps, and slips of the layout, of all tables.
+        # Mistakes that `later` keeps, and slips, of all tables.
         self.mistakes: list[DescriptionError] = []
         self._slips: list[DescriptionError] = []
 
@@ -65,8 +65,8 @@ class TomlTable:
 
         Args:
             path: The file.
-            patient: True to correct slips of the layout and report them in `raise_mistakes`, with
-                the wrong values. Default: report them now.
+            patient: True to correct slips, and to raise them in `raise_mistakes` together with the
+                wrong values. False to raise them now.
         """
         try:
             text = read_file(path, _MAX_BYTES).decode("utf-8")
@@ -96,7 +96,7 @@ class TomlTable:
             key: The key.
             message: The mistake.
             old: Wrong text in the file. Default: the key.
-            new: Text for it. Default: the name that the message suggests.
+            new: Text that should replace `old`. Default: the name that the message suggests.
         """
         line, shown = self.line(key), ""
         end = min((n for n in self._lines.values() if n > line), default=len(self._text) + 1)
@@ -115,14 +115,14 @@ class TomlTable:
 
     @contextmanager
     def later(self) -> Iterator[None]:
-        """Keep a mistake until `raise_mistakes`, and skip the rest of the block."""
+        """Skip the rest of the block after a mistake, and keep the mistake for `raise_mistakes`."""
         try:
             yield
         except DescriptionError as error:
             self.mistakes.append(error)
 
     def raise_mistakes(self) -> None:
-        """Raise the slips of the layout, and the mistakes that `later` kept, as one error."""
+        """Raise the slips, and the mistakes that `later` kept, as one error, if there are any."""
         lines = {mistake.line for mistake in self.mistakes}
         found = [*(slip for slip in self._slips if slip.line not in lines), *self.mistakes]
         if found:
@@ -214,7 +214,7 @@ class TomlTable:
         return frozenset(frozenset(self._checked_names(key, pair, names)) for pair in values)
 
     def table(self, key: str) -> "TomlTable":
-        """Return a table within this one."""
+        """Return the table that is the value of a key."""
         values = self._value(key, dict)
         table = TomlTable(self._path, self._text, self._lines, self._full(key), values)
         table.mistakes = self.mistakes
@@ -228,7 +228,7 @@ class TomlTable:
         return iter(self._values)
 
     def __contains__(self, key: str) -> bool:
-        self._known.add(key)  # `done` knows the optional key
+        self._known.add(key)  # `done` then accepts the optional key
         return key in self._values
 
     def done(self) -> None:
@@ -266,7 +266,7 @@ class TomlTable:
         return value
 
     def _miss(self, key: str, kind: type) -> NoReturn:
-        """Reject a missing key. The line is that of a misspelling, if there is one."""
+        """Reject a missing key. If an unknown key may be its misspelling, reject that key."""
         left = [given for given in self._values if given not in self._known]
         misspelt = closest(key, left) or next((each for each in left if closest(each, [key])), "")
         if misspelt:
@@ -278,14 +278,14 @@ class TomlTable:
         return f"{self._name}.{key}" if self._name else key
 
     def line(self, key: str) -> int:
-        """Return the line of a key, or of the nearest table around it; 0 if unknown."""
+        """Return the line number of a key, or else of the table that has it; 0 if unknown."""
         full = self._full(key)
         while full not in self._lines and "." in full:
             full = full.rpartition(".")[0]
         return self._lines.get(full, 0)
 
 
-# Slips at the place where the reader fails, which is the \0: pattern, replacement, message.
+# Slips: pattern, replacement, message. In a pattern, \0 is the place where the reader fails.
 _SLIPS = (
     (r"\s*\0\s*:\s*", " = ", "`=` separates a key from its value, not a colon"),
     (r"\0True\b", "true", "true has no capital letter"),
@@ -293,8 +293,8 @@ _SLIPS = (
     (r"(\d)\0,(?=\d)", r"\1.", "a point begins the decimals, not a comma"),
     (r"(\d)\0\.(?!\d)", r"\1.0", "a digit follows the point"),
     (r"\0\.(?=\d)", "0.", "a digit precedes the point"),
-    (r"\s*\0;", "", "no `;` ends a line"),
-    (r",\s*\0(?=})", " ", "no comma precedes the }"),
+    (r"\s*\0;", "", "a line does not end with `;`"),
+    (r",\s*\0(?=})", " ", "a comma may not precede the }"),
     (r"([-+]?[\d.]+)\s*\0([A-Za-z%°][\w/²^*]*)", r'"\1 \2"', "a number has no unit"),
     (r"\0([^\s\"'\[\]{},#=][^\"'\[\]{},#=]*?)(?=\s*(?:[\]},#]|$))", r'"\1"',
      "a text needs quotes"),
@@ -309,11 +309,11 @@ _SLIPS = (
     (r"\s+\0", " = ", "a `=` is missing after the key"),
 )  # fmt: skip
 _MOST_SLIPS, _MOST_TEXT = 10, 10_000  # bounds of the time of a search [slips, characters]
-# Messages in place of the reader's own.
+# Messages that replace those of tomllib, by the start of its message.
 _WHY = {
     "Cannot overwrite a value": "this key is given twice; leave one of them out",
     "Cannot declare": "this table is given twice; write all its keys below one of them",
-    "Invalid value": "this is no value; a text needs quotes",
+    "Invalid value": "this is not a value; a text needs quotes",
     "Invalid initial character for a key part": "a key is missing here",
     "Expected newline": "the value ends before this place; a text needs quotes",
     "Expected '='": "a key is followed by a `=` and a value",
@@ -321,7 +321,7 @@ _WHY = {
     "Unclosed inline table": "the { is not closed",
     "Illegal character '\\n'": "the quote is not closed",
 }
-_END = (2**31, 0)  # line and column behind a valid text
+_END = (2**31, 0)  # line and column after the end of a valid text
 # Factors of units for rad, m and s.
 _UNITS = {"deg": math.pi / 180, "°": math.pi / 180, "mm": 1e-3, "cm": 1e-2, "ms": 1e-3}
 
@@ -350,7 +350,7 @@ def _parsed(path: Path, text: str) -> tuple[dict[str, Any], str, list[Descriptio
 
 
 def _spot(lines: Sequence[str], line: int, column: int) -> tuple[int, int]:
-    """Return row and column of a place, or of the end of the last text before it."""
+    """Return row and column of a place; at white space, of the end of the text before."""
     row, at = min(line, len(lines)) - 1, column - 1
     at = at if line <= len(lines) else len(lines[row])
     while row > 0 and not lines[row][:at].partition("#")[0].strip():
@@ -360,7 +360,7 @@ def _spot(lines: Sequence[str], line: int, column: int) -> tuple[int, int]:
 
 
 def _corrected(lines: Sequence[str], row: int, at: int) -> tuple[str, str] | None:
-    """Return the text without the slip at a place, and a message; None if it is unclear."""
+    """Return the text without the slip at a place, and a message; None if no slip fits."""
     marked, best, found = f"{lines[row][:at]}\0{lines[row][at:]}", (row + 1, at + 1), None
     for pattern, instead, why in _SLIPS:
         line = re.sub(pattern, instead, marked, count=1)
@@ -388,7 +388,7 @@ def _shown(
     after: Sequence[str],
     slips: Mapping[int, tuple[int, Sequence[str]]],
 ) -> list[DescriptionError]:
-    """Return slips by row as errors, with each line as it is and as it should be."""
+    """Return one error for each row with slips. Each error has the line and the corrected line."""
     errors = []
     for row, (at, whys) in sorted(slips.items()):
         right = after[row] if after[row] != before[row] else ""
@@ -405,7 +405,7 @@ def _joined(path: Path, mistakes: Sequence[DescriptionError]) -> DescriptionErro
 
 
 def _place(error: ValueError) -> tuple[tuple[int, int], str]:
-    """Return the line and column where the reader failed, and its words."""
+    """Return the line and column where the reader failed, and a message."""
     found = re.fullmatch(r"(.*) \(at (?:line (\d+), column (\d+)|end of document)\)", f"{error}")
     if not found:
         return (0, 0), f"{error}"
@@ -414,7 +414,7 @@ def _place(error: ValueError) -> tuple[tuple[int, int], str]:
 
 
 def _instead(value: Any, kind: type, key: str) -> tuple[str, str]:
-    """Return advice for a value of a wrong kind, and the text for it; empty if unclear."""
+    """Return advice for a value of the wrong kind, and the right text. Each may be empty."""
     new = ""
     if kind is list and isinstance(value, str):
         names = ", ".join(f'"{name}"' for name in re.split(r"[,\s]+", value) if name)

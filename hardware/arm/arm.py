@@ -51,18 +51,18 @@ def _ignore(event: ArmEvent) -> None:
 
 
 def _nothing() -> None:
-    """Start nothing while the board boots."""
+    """Do nothing while the board boots."""
 
 
 def _at_once(timeout: float) -> bool:
-    """Send the next frame at once."""
+    """Return True: the next frame may be sent at once."""
     return True
 
 
 class Arm:
     """A robot arm. It moves open loop: a motion starts at the last commanded positions.
 
-    This is the arm of an executive. Programs use `armtree.Arm`, which runs tasks on one.
+    An executive uses this class. Other programs use `armtree.Arm`, which runs tasks.
 
     The end of a `with` block and the exit of the interpreter shut the arm down. Garbage collection
     of the arm closes its port.
@@ -72,11 +72,11 @@ class Arm:
         link: Link to the board, or None if no port is configured.
         clock: Time source.
         observe: Callback for every event, from any thread; frames come in the order of sending. It
-            must return quickly, because the caller waits for it. It may stop the arm and may take
-            locks. If a thread calls `stop` with a lock, that lock must be re-entrant. The arm logs
-            its exceptions and continues.
-        ready: Callback that waits until the next frame may be sent, at most for its argument [s].
-            It returns True if the frame may be sent, and ends the motion with `WriteRefused`.
+            must return quickly, because the calling thread waits. It may stop the arm and may take
+            locks. If a thread holds such a lock while it calls `stop`, the lock must be re-entrant.
+            The arm logs exceptions of the callback and continues.
+        ready: Callback that waits until the next frame may be sent, at most the given time [s].
+            It returns True if the frame may be sent. It raises `WriteRefused` to end the motion.
             Default: every frame may be sent at once.
     """
 
@@ -124,7 +124,7 @@ class Arm:
 
     @property
     def failure(self) -> HardwareError | None:
-        """The fault that took the arm out of *active*, or None since the next activation."""
+        """The fault that took the arm out of *active*; None again after the next activation."""
         return self._failure
 
     @property
@@ -152,7 +152,7 @@ class Arm:
             raise self._not_active()
 
     def configure(self) -> None:
-        """Check that a port is configured. It is not opened.
+        """Check that a port is configured. The port is not opened.
 
         Raises:
             PortNotGiven: No port is configured. The arm stays unconfigured.
@@ -168,18 +168,18 @@ class Arm:
         """Open the port and wait for the board to boot. Most boards reset, which may move the arm.
 
         Args:
-            start_pose: Pose of the arm when the port opens, one position per actuated joint [rad];
-                default: the start pose of the robot file.
-            meanwhile: Called when the port is open and the board boots. It must return quickly.
+            start_pose: Pose of the arm when the port opens, one position per actuated joint [rad].
+                Default: the start pose of the robot file.
+            meanwhile: Callback while the board boots. It must return quickly.
 
         Raises:
             LinkError: The port cannot be opened; the arm stays inactive. Or the port was lost
                 during the boot; the arm is then unconfigured.
             BoardError: The robot file names another board, or the arm may not move from its pose.
             DriverFailed: The driver raised another exception.
-            ActivationStopped: `stop` was called during the boot; the arm is then inactive. Or it
-                was called before all joints were within their limits; servos with torque then hold
-                their measured positions, and the arm is unconfigured.
+            ActivationStopped: `stop` was called during the boot; the arm is then inactive. Or
+                `stop` was called before all joints were within their limits; servos with torque
+                then hold their measured positions, and the arm is unconfigured.
             TransitionRefused: The transition is not legal now.
         """
         self._start_pose, self._meanwhile = start_pose or self.robot.boot_pose, meanwhile
@@ -189,7 +189,7 @@ class Arm:
             raise stopped
         if connection := self._connection:
             connection.send_start_commands()
-        with self._signal:  # another thread may report a fault, and first holds the arm
+        with self._signal:  # another thread that reports a fault may still be holding the arm
             until = self._clock.now() + _SETTLE_TIMEOUT
             while self._faulting and self._clock.now() < until:
                 self._signal.wait(until)
@@ -199,7 +199,7 @@ class Arm:
             raise self._failure
 
     def deactivate(self) -> None:
-        """Stop and close the port. The servos keep holding.
+        """Stop the arm and close the port. The servos keep holding.
 
         Raises:
             TransitionRefused: The transition is not legal now.
@@ -216,9 +216,9 @@ class Arm:
         self._request("cleanup", State.UNCONFIGURED)
 
     def shutdown(self) -> None:
-        """Stop, close the port, and finalize. Does nothing if finalized.
+        """Stop the arm, close the port, and finalize the arm. Does nothing if it is finalized.
 
-        It first waits for a transition of another thread.
+        This method first waits for the end of a transition that another thread requested.
 
         Raises:
             TransitionRefused: The transition of the other thread does not end.
@@ -230,9 +230,9 @@ class Arm:
             self._request("shutdown", State.FINALIZED)
 
     def read(self) -> dict[str, float]:
-        """Return the state interfaces, such as `joint_1/position`, and their values [rad].
+        """Return the values of the state interfaces by name, such as `joint_1/position` [rad].
 
-        These are commanded values; mimic joints follow exactly. Measured values have names such as
+        These are commanded values, also of mimic joints. Measured values have names such as
         `joint_1/measured/position` [rad] and `joint_1/measured/temperature` [C], with the units of
         `Measurement`.
 
@@ -249,7 +249,7 @@ class Arm:
 
     @property
     def generation(self) -> int:
-        """Number of ended motions and stops. A motion can only start in the generation of its plan.
+        """Number of ended motions and stops. A motion planned before a change cannot start.
 
         Raises:
             NotActive: The arm is not active.
@@ -263,8 +263,9 @@ class Arm:
 
         Args:
             schedule: The schedule.
-            on_change: Callback after every frame and at the end, from another thread. It may also
-                be called without a change. It may take locks. The arm logs its exceptions.
+            on_change: Callback after every frame and at the end of the motion, from another thread.
+                It may also be called without a change. It may take locks. The arm logs its
+                exceptions.
             owner: Name of the owner of the motion, for error messages.
             generation: Generation of the arm in which the motion was planned.
 
@@ -282,7 +283,7 @@ class Arm:
 
     @property
     def torque(self) -> bool:
-        """True if the servos hold. A board that cannot switch the torque always holds.
+        """True if the servos have torque. Always True if the board cannot switch the torque.
 
         Raises:
             NotActive: The arm is not active.
@@ -290,17 +291,17 @@ class Arm:
         return self._active_connection().guard.torque
 
     def switch_torque(self, on: bool) -> None:
-        """Switch the torque of all servos, and wait for the end. This ends any motion.
+        """Switch the torque of all servos, and wait until it is switched. This ends any motion.
 
         Without torque, gravity moves the arm, so a person must hold it. No frame is sent until the
         torque is on again. The arm then holds its measured pose.
 
         Raises:
-            NotAble: The board of the robot cannot do this.
+            NotAble: The board of the robot cannot switch the torque.
             NotActive: The arm is not active.
             PoseOutsideLimits: The arm is outside its limits. The torque is still off.
             ActivationStopped: The arm was stopped before all joints were within their limits. Its
-                servos with torque hold their measured positions. It is unconfigured.
+                servos with torque hold their measured positions. The arm is unconfigured.
         """
         self.robot.require(Ability.TORQUE)
         self._active_connection().switch_torque(on)
@@ -309,7 +310,8 @@ class Arm:
         """Drop the rest of the motion and hold. Allowed in any state, any number of times.
 
         The board still executes the frames that it has received. A stop during the boot ends the
-        activation. A robot with `brake_s` slows down first. A second stop does not shorten this.
+        activation. A robot with `brake_s` slows down first. A second stop does not shorten the
+        slowing down.
         """
         self._cancel()
         connection = self._connection
@@ -370,7 +372,7 @@ class Arm:
             self._signal.notify()
 
     def _settle(self) -> None:
-        """Wait for a transition or a fault that another thread is processing."""
+        """Wait until other threads have processed a transition or a fault."""
         until = self._clock.now() + _SETTLE_TIMEOUT
         with self._signal:
             while self._is_changing() and self._clock.now() < until:
@@ -482,7 +484,7 @@ class Arm:
 
     @property
     def _activation_ended(self) -> HardwareError | None:
-        """Fault or stop that ends this activation, or None."""
+        """The fault or ActivationStopped that ends this activation, or None."""
         if self._failure or not self._canceled:
             return self._failure
         return ActivationStopped("the arm was stopped while its board booted")
@@ -509,11 +511,11 @@ class Arm:
         if connection := self._connection:
             connection.close(error)
             self._connection = None
-            if self._reconnect:  # separate: the connection's link may keep the arm alive
+            if self._reconnect:  # without the connection, whose link may keep the arm alive
                 self._when_collected(self._reconnect.stop)
 
     def _when_collected(self, release: _Release) -> None:
-        """Call this after the garbage collection of the arm, and nothing that was set before."""
+        """Set the function to call after the garbage collection of the arm, in place of others."""
         if self._release:
             self._release.detach()
         self._release = weakref.finalize(self, _releaser().put, release)

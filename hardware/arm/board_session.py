@@ -8,7 +8,7 @@ from hardware.drivers.wire_format import Frame
 
 
 class BoardSession:
-    """The protocol of a board since the port was opened, and the frames sent. Thread-safe.
+    """The protocol of a board during one connection. It also counts sent frames. Thread-safe.
 
     Args:
         protocol: The protocol. Nothing else may use it.
@@ -24,7 +24,7 @@ class BoardSession:
 
     @property
     def boot_frame(self) -> Frame | None:
-        """Frame of the pose that the board reported, or None before that."""
+        """Frame of the pose that the board reported, or None before the report."""
         return self._protocol.boot_frame
 
     @property
@@ -34,7 +34,7 @@ class BoardSession:
 
     @property
     def acknowledged(self) -> int:
-        """Number of acknowledged frames; of sent frames if the board does not acknowledge."""
+        """Number of acknowledged frames, or of sent frames if the board acknowledges none."""
         with self._lock:
             acknowledged = self._protocol.acknowledged
             return self.sent if acknowledged is None else acknowledged
@@ -50,7 +50,7 @@ class BoardSession:
 
     @property
     def next_poll(self) -> float:
-        """Time of the next `poll` [s]; inf for none."""
+        """Time of the next `poll` [s]; inf if no poll is due."""
         return self._protocol.next_poll
 
     def check_booted(self, port: str, waited: float) -> None:
@@ -64,7 +64,7 @@ class BoardSession:
             return self._protocol.start_commands()
 
     def hold_commands(self) -> bytes:
-        """Return bytes that hold the joints after a fault. See `BoardProtocol`."""
+        """Return the bytes that hold the joints after a fault. See `BoardProtocol`."""
         with self._lock:
             return self._protocol.hold_commands()
 
@@ -83,7 +83,7 @@ class BoardSession:
         """Process received bytes. Raises the errors of the protocol.
 
         Returns:
-            True if a value has changed for which a thread may wait.
+            True if a value has changed. Threads may wait for such a change.
         """
         with self._lock:
             before = self._awaited

@@ -30,12 +30,12 @@ logger = logging.getLogger(__name__)
 
 
 class Connection:
-    """An open link, its guard, a thread that reads from it, and after the boot a streamer.
+    """A connection to a board: link, write guard, reading thread and, after the boot, a streamer.
 
     Args:
         robot: The robot.
-        start_pose: Pose of the arm, unless the board reports another one; one position per
-            actuated joint [rad].
+        start_pose: Pose of the arm, one position per actuated joint [rad]. A pose that the board
+            reports takes precedence.
         link: Link to the board.
         clock: Time source.
         observe: Callback for all bytes in both directions.
@@ -117,7 +117,7 @@ class Connection:
         try:
             self.guard.send_start_commands()
             if self._robot.can(Ability.TORQUE):
-                self._switch_torque(True, 0)  # any stop since the guard was made ends this
+                self._switch_torque(True, 0)  # 0: any stop during this connection ends this call
         except NotActive:
             return  # a fault came first
         except Exception as error:  # a driver may raise any exception
@@ -130,7 +130,7 @@ class Connection:
             NotActive: The arm is not active.
             PoseOutsideLimits: The arm is outside its limits. The torque is still off.
             ActivationStopped: The arm was stopped before all joints were within their limits. Its
-                servos with torque hold their measured positions. It is unconfigured.
+                servos with torque hold their measured positions. The arm is unconfigured.
         """
         generation = self.guard.release_torque()
         try:
@@ -146,7 +146,12 @@ class Connection:
                 self._waiting.wait(None)
 
     def _switch_torque(self, on: bool, generation: int) -> None:
-        """Send the commands for the torque. If they move a joint, a later generation ends them."""
+        """Send the commands for the torque. If they move a joint, a stop ends them.
+
+        Args:
+            on: True to switch the torque on; False to switch it off.
+            generation: Generation of the guard. Any later generation shows a stop.
+        """
         self._switching = True
         try:
             commands = self.session.torque_commands(on)
@@ -161,7 +166,7 @@ class Connection:
                     )
                 while not self.guard.send_torque_command(command):
                     self._pause(self.session.free_at)
-                due = max(due + period, self._clock.now())  # a wait for the line delays one command
+                due = max(due + period, self._clock.now())  # after a wait, no commands in a burst
                 self._pause(due)
             self.guard.torque = on
         finally:
@@ -171,10 +176,10 @@ class Connection:
                 self._waiting.notify()
 
     def _start_from_held_pose(self) -> bool:
-        """Start from the pose that the board reports, before its torque is switched on.
+        """Set the pose that the board reports as the commanded pose, before the torque is on.
 
         Returns:
-            True if a joint is outside its limits, and moves to them.
+            True if a joint is outside its limits. The torque commands then move it to its limit.
 
         Raises:
             PoseOutsideLimits: The arm is outside its limits. The torque stays off.
@@ -182,7 +187,7 @@ class Connection:
         try:
             pose = self._held_pose()
         except PoseOutsideLimits:
-            self.session.torque_commands(False)  # not sent; lets the session expect no torque
+            self.session.torque_commands(False)  # not sent: the protocol then expects no torque
             raise
         self.guard.start_from(pose)
         if (frame := self.session.boot_frame) is None:
@@ -193,7 +198,7 @@ class Connection:
             if abs(q - near) > least:
                 words = joint.name, rounded(q, joint.unit), rounded(near, joint.unit)
                 way = "%s is at %s, and moves to its limit, %s; "
-                logger.warning(way + "this way is not checked for collisions", *words)
+                logger.warning(way + "this motion is not checked for collisions", *words)
         return frame != self._robot.wire_format.encode(pose)
 
     def _pause(self, until: float) -> None:
@@ -205,8 +210,8 @@ class Connection:
         """Hold the measured positions, or release the joints, as the robot file specifies.
 
         Args:
-            error: The fault. After a fault of the link, nothing is sent. A stop is no fault: it
-                releases nothing.
+            error: The fault. After a fault of the link, nothing is sent. After ActivationStopped,
+                the joints hold in any case.
         """
         if not self._robot.can(Ability.MEASURE) or isinstance(error, LinkError):
             return
@@ -272,7 +277,7 @@ class Connection:
                 if self._closed:
                     return
                 if not data:
-                    raise EOFError(f"its read ended while the port {self._link.port} was open")
+                    raise EOFError(f"a read ended while the port {self._link.port} was open")
                 self._observe(BytesReceived(self._clock.now(), data))
                 before = self.session.measured
                 changed = self.session.receive(data, self._clock.now())
@@ -299,7 +304,7 @@ class Connection:
 
 
 def _join(thread: threading.Thread) -> None:
-    """Wait for the end of another thread. A slow observer may delay it."""
+    """Wait for the end of another thread. A slow observer may delay that thread."""
     if thread is not threading.current_thread():
         thread.join(OBSERVER_TIMEOUT)
         if thread.is_alive():

@@ -21,7 +21,7 @@ class FrameSent:
 
     Attributes:
         time: Time of the write [s].
-        data: Its bytes.
+        data: Bytes of the frame.
         positions: Commanded positions, one per actuated joint [rad].
         scheduled: Planned time of the write [s]; None for the hold frame of a stop.
     """
@@ -65,7 +65,7 @@ class Measured:
     """The board measured its joints.
 
     Attributes:
-        time: Time of reading its last part [s].
+        time: Time at which the last bytes of the measurement were read [s].
         measurement: The measured values.
     """
 
@@ -80,8 +80,8 @@ class StateChanged:
     Attributes:
         time: Time of the change [s].
         label: Name of the transition.
-        start: State before it.
-        goal: State after it.
+        start: State before the transition.
+        goal: State after the transition.
     """
 
     time: float
@@ -108,9 +108,9 @@ class BoardReturned:
     """A lost board was plugged in again. Only a person may then activate the arm.
 
     Attributes:
-        time: Time of finding the board [s].
-        port: Name under which its port was opened.
-        device: Its current device, such as `/dev/ttyACM1`.
+        time: Time at which the board was found [s].
+        port: Name under which the port of the board was opened.
+        device: Present device of the board, such as `/dev/ttyACM1`.
     """
 
     time: float

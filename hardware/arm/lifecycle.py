@@ -75,12 +75,12 @@ ChangeCallback = Callable[[str, State, State], None]
 
 
 class Lifecycle:
-    """The lifecycle. It runs one transition at a time and refuses others meanwhile.
+    """The state machine. It runs one transition at a time and refuses others meanwhile.
 
     Callbacks run while the machine is in a transition state. They do not run inside the callbacks
     of the library `transitions`, because an exception there would leave the state changed. A
-    callback that raises an exception, or does not return a result, counts as ERROR. Exceptions that
-    are not an `Exception`, such as Ctrl-C, are raised again.
+    callback that raises an exception, or does not return a `Result`, counts as ERROR. An exception
+    that is not an `Exception`, such as that of Ctrl-C, is raised again.
 
     Args:
         callbacks: Callback of each transition state. A state without a callback succeeds at once.
@@ -120,7 +120,7 @@ class Lifecycle:
             TransitionRefused: The transition is not legal now, or another one is under way.
         """
         if self.state in _PRIMARY:
-            self._check(label)  # a refused request must not hold the lock when raise_error needs it
+            self._check(label)  # a refused request must not take the lock: raise_error may need it
         if not self._changing.acquire(blocking=False):
             hint = "try again when the transition has ended"
             raise TransitionRefused(
@@ -152,7 +152,7 @@ class Lifecycle:
             self._fire(label)
             while self.state not in _PRIMARY:
                 self._fire(self._call().value)
-        except BaseException:  # also Ctrl-C must end in a primary state
+        except BaseException:  # also after Ctrl-C, the state must be a primary state
             if self.state not in _PRIMARY:
                 self._run(Result.ERROR.value)
             raise

@@ -14,7 +14,7 @@ from hardware.joints import Joint
 logger = logging.getLogger(__name__)
 
 
-_STANDS = 0.05  # velocity of a joint that stands still, or less [rad/s]
+_STANDS = 0.05  # largest velocity of a joint that stands still [rad/s]
 _LEAST_SQUEEZE = 0.1  # smaller differences are within the dead zone of a servo [deg]
 
 
@@ -22,14 +22,14 @@ class MeasuredGuard:
     """Checks measurements of one activation. Thread-safe.
 
     A gripper may close on an object. It then stands still and pushes. `loosened` returns a pose in
-    which it pushes less: a third of the difference from its measured position, and at most
-    `squeeze_deg`. A gripper that is blocked in the other direction has the limits of the other
-    joints.
+    which it pushes less: the difference from its measured position is a third of the present one,
+    and at most `squeeze_deg`. For a gripper that is blocked in the other direction, the limits of
+    the other joints apply.
 
     Args:
         joints: The actuated joints. The positions of prismatic joints are not checked.
         guards: The limits.
-        grips: Sign of the motion with which each joint of the gripper grips, by its name.
+        grips: Direction in which each joint of the gripper grips, by name: 1 or -1.
     """
 
     def __init__(self, joints: Sequence[Joint], guards: Guards, grips: Mapping[str, int]) -> None:
@@ -78,7 +78,7 @@ class MeasuredGuard:
                     self._check_voltage(joint, measured.voltage[k])
 
     def _standing_effort(self, k: int, measured: Measurement) -> float:
-        """Return the effort of a joint that stands still and draws current; 0 of any other."""
+        """Return the effort of a joint that stands still and draws current; 0 for others."""
         moves = measured.velocity and abs(measured.velocity[k]) > _STANDS
         idles = measured.current and abs(measured.current[k]) < self._guards.stall_a
         return 0.0 if moves or idles or not measured.effort else abs(measured.effort[k])
@@ -106,7 +106,7 @@ class MeasuredGuard:
             raise JointNotFollowing(joint.name, *values, guards.following_deg, self._effect)
 
     def _may_grip(self, joint: Joint, ahead: float) -> bool:
-        """Return True if a joint may hold an object: its command pushes it in its grip direction.
+        """Return True if a gripper's joint is commanded to grip further, so it may hold an object.
 
         Args:
             joint: The joint.
@@ -119,7 +119,7 @@ class MeasuredGuard:
 
         Args:
             commanded: Commanded positions, one per joint [rad].
-            now: Time [s]. The time until a gripper counts as stalled begins again.
+            now: Present time [s]. From now, `stall_s` must pass until a gripper is stalled again.
         """
         with self._lock:
             if not self._stalled or not self._measured:
@@ -142,7 +142,7 @@ class MeasuredGuard:
 
     @property
     def settle_s(self) -> float:
-        """Longest time from the last frame until the joints arrive [s]; 0 if none is measured."""
+        """Longest time from the last frame until the joints arrive [s]; 0 without measurements."""
         return self._guards.settle_s if self._measured else 0.0
 
     def has_settled(self, goal: Sequence[float], since: float) -> bool:
@@ -178,7 +178,7 @@ class MeasuredGuard:
                 raise NotArrived(joint.name, end, there, limit, self._guards.settle_s)
 
     def _lasts(self, kind: str, joint: Joint, wrong: bool, now: float, allowed: float) -> bool:
-        """Return True if a value has been wrong for longer than allowed [s]."""
+        """Return True if a value has been wrong for the time `allowed` [s] or longer."""
         if not wrong:
             self._since.pop((kind, joint.name), None)
             return False

@@ -1,6 +1,6 @@
 """Detects that an unplugged board was plugged in again, even under another device name.
 
-Programs that run for long use it, such as the server. `armtree run` ends with the fault.
+Only programs that keep running need this, such as the server. `armtree run` ends at the fault.
 """
 
 import logging

@@ -14,18 +14,18 @@ Sampler = Callable[[Sequence[float]], Sequence[Sequence[float]]]
 
 MAX_DURATION = 600.0  # largest duration of a motion, which bounds the memory for samples [s]
 
-# Shortest time of a step [s]. A motion that needs several frames within it is a jump. Hobby servos
-# at full speed need six times as long for a full frame.
+# Shortest time of a step [s]. A motion that needs several frames within this time is a jump. Hobby
+# servos at full speed need six times as long for the largest turn of one frame.
 _SHORTEST_STEP = 0.001
 
 
 @dataclass(frozen=True, slots=True)
 class Setpoint:
-    """A frame and its time.
+    """A frame of a motion, with its time and joint positions.
 
     Attributes:
         time: Time of the frame from the start of the motion [s].
-        delay: Delay of the frame after its planned time, because the board needs the time [s].
+        delay: Delay of the frame after its planned time, because the board is busy [s].
         positions: Joint positions of the frame, one per actuated joint [rad].
         frame: The frame.
     """
@@ -45,8 +45,8 @@ class Schedule:
         end: Joint positions at the end of the motion [rad]. They encode to the frame of the last
             setpoint, but may differ from its positions.
         duration: Time until the board has executed the last frame [s].
-        slowed: Time added to the planned duration, because of the board [s].
-        continues: True if another schedule follows at once. The joints then need not arrive.
+        slowed: Time by which the board makes the motion longer than planned [s].
+        continues: True if another schedule follows at once. The joints need not reach the end.
     """
 
     setpoints: tuple[Setpoint, ...]
@@ -101,9 +101,9 @@ def servo_path(
 ) -> tuple[list[float], list[tuple[float, ...]]]:
     """Return the path that the servos follow when the board plays a schedule.
 
-    The waypoints are the positions that the frames decode to. A board that turns one servo after
-    the other adds the corners between them as waypoints. The servos move in straight lines between
-    waypoints.
+    The waypoints are the positions that the frames decode to. If the board turns one servo after
+    the other, the position after each turn is also a waypoint. The servos move in straight lines
+    between waypoints.
 
     Args:
         robot: The robot.
@@ -159,7 +159,7 @@ def _steps(
 
 
 def _fits(codec: WireFormat, before: Frame, rows: Sequence[Sequence[float]], max_step: int) -> bool:
-    """Return for each row whether one frame can reach it from the previous row."""
+    """Return True if one frame can reach each row from the previous row."""
     servos = before.servos
     for row in rows:
         after = codec.encode(row).servos

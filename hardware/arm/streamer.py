@@ -30,7 +30,7 @@ class PlaybackState(Enum):
 
 
 class Playback:
-    """A schedule being played. The streamer writes it; every thread may read it.
+    """The playback of a schedule. Only the streamer changes it. Every thread may read it.
 
     Args:
         schedule: The schedule.
@@ -45,11 +45,11 @@ class Playback:
         arrived: Number of setpoints whose frames the board has acknowledged, or `written` if the
             board acknowledges none.
         state: State of the playback.
-        error: The error if it failed, else None.
+        error: The error if the playback failed, else None.
         max_lateness: Largest lateness of a frame so far [s].
-        gripped: True if a gripper closed on an object. The motion then ends there, even if it was
-            stopped before.
-        loosened: Poses in which a gripper is loosened after the motion was stopped [rad]. Empty
+        gripped: True if a gripper closed on an object. The motion then ends, and is not resumed,
+            even if it was stopped before.
+        loosened: Commanded poses that loosened a gripper after a stop of the motion [rad]. Empty
             if the rest of the motion moves the gripper away from its object.
     """
 
@@ -115,8 +115,8 @@ class Streamer:
         period: Period of frames [s]. A frame that is late by more than this delays the rest of the
             motion.
         on_fault: Callback for errors. It must close this streamer.
-        ready: Callback that waits until the next frame may be sent, at most for its argument [s].
-            It returns True if the frame may be sent, and ends the motion with `WriteRefused`.
+        ready: Callback that waits until the next frame may be sent, at most the given time [s].
+            It returns True if the frame may be sent. It raises `WriteRefused` to end the motion.
         measured: The measured guard.
 
     Attributes:
@@ -141,7 +141,7 @@ class Streamer:
         self._stopped: Playback | None = None  # the last motion, if it was stopped
         self._braking: tuple[float, float] | None = None  # start and duration [s]
         self._closing = False
-        self._cause: HardwareError | None = None  # fault for which it was closed
+        self._cause: HardwareError | None = None  # fault that closed the streamer
         self.thread = clock.spawn(self._run, "streamer")
 
     def play(
@@ -151,8 +151,8 @@ class Streamer:
 
         Args:
             schedule: The schedule.
-            on_change: Callback after every frame and at the end, from another thread. It may also
-                be called without a change. The streamer logs its exceptions.
+            on_change: Callback after every frame and at the end of the motion, from another thread.
+                It may also be called without a change. The streamer logs its exceptions.
             owner: Name of the owner of the motion.
             generation: Generation of the guard in which the motion was planned.
 
@@ -191,7 +191,7 @@ class Streamer:
         """Drop the rest of the schedule and hold.
 
         Args:
-            brake: Time to slow down first, evenly and along the schedule [s].
+            brake: Time in which the motion slows down evenly before the hold [s]; 0 to hold now.
 
         Raises:
             LinkError: The hold frame could not be written. The playback ends with this fault.
@@ -291,7 +291,10 @@ class Streamer:
 
     @property
     def _pushes(self) -> bool:
-        """True if a gripper must be loosened without a motion, not between steps of one."""
+        """True if a gripper must be loosened while no motion is played.
+
+        Between two schedules that continue each other, it is False.
+        """
         last = self._playback
         return self._measured.stalled and not (last and last.schedule.continues)
 
@@ -335,10 +338,10 @@ class Streamer:
                 self._wait_until_settled(playback)
 
     def _loosen(self, playback: Playback) -> bool:
-        """Loosen a stalled gripper if the rest of the motion only pushes it on.
+        """Loosen a stalled gripper if the rest of the motion only moves it further on.
 
         Returns:
-            True if a frame was sent. The gripper holds an object, and the motion ends there.
+            True if a frame was sent. The gripper then holds an object, and the motion ends.
         """
         commanded = self._guard.commanded
         pose = self._measured.loosened(commanded, self._clock.now())
@@ -348,10 +351,12 @@ class Streamer:
         return playback.gripped
 
     def _wait_until_settled(self, playback: Playback) -> None:
-        """Wait until the joints are measured at the end of the motion, and loosen the gripper.
+        """Wait until the measured joints have reached the end of the motion.
+
+        A gripper that stalls meanwhile is loosened.
 
         Raises:
-            NotArrived: The joints need too long.
+            NotArrived: A joint has not reached its end position within `settle_s`.
         """
         end, measured = playback.schedule.end, self._measured
         since = self._clock.now()
@@ -365,7 +370,7 @@ class Streamer:
         measured.check_arrived(end)
 
     def _wait_for_frame(self, playback: Playback, planned: float) -> None:
-        """Wait until a frame with this planned time [s] is due. Braking may delay it."""
+        """Wait until a frame with this planned time [s] is due. Braking may delay the frame."""
 
         def due() -> float:
             until = max(self._due(planned), self._guard.earliest)
@@ -376,7 +381,7 @@ class Streamer:
             raise StaleGeneration("stopped")
 
     def _wait_until_ready(self, playback: Playback) -> None:
-        """Wait until the next frame may be sent, without a lock, because a stop may come."""
+        """Wait until the next frame may be sent. Holds no lock, because a stop may come."""
         while not self._ready(_READY_WAIT):
             if playback is not self._playback:
                 raise StaleGeneration("stopped")
@@ -445,7 +450,10 @@ def _leaves(playback: Playback, commanded: tuple[float, ...], loosened: tuple[fl
 def _only_pushes(
     playback: Playback, commanded: tuple[float, ...], loosened: tuple[float, ...]
 ) -> bool:
-    """Return True if the rest of a motion only pushes stalled grippers on. See `_leaves`."""
+    """Return True if the rest of a motion moves only stalled grippers, and none of them back.
+
+    The arguments are those of `_leaves`.
+    """
     return not _leaves(playback, commanded, loosened) and all(
         goal == q
         for setpoint in playback.schedule.setpoints[playback.written :]

@@ -36,13 +36,13 @@ from .events import OBSERVER_TIMEOUT, CommandSent, FrameSent, Observer, Outbox
 # that late, and the next frames on time.
 _PERIODS_BEHIND = 3
 _READER_LATE = 0.05  # longest time that a request waits for the thread that reads [s]
-_READER_WAIT = 0.001  # time between two checks whether it has read [s]
+_READER_WAIT = 0.001  # time between two checks whether that thread has read [s]
 _VELOCITY_MARGIN = 1.01  # factor of a velocity limit, for rounding in planners
 
 
 @dataclass(frozen=True, slots=True)
 class Claim:
-    """The right of one motion to command the arm, until it is released or a stop ends it.
+    """The right of one motion to command the arm. A release or a stop ends this right.
 
     Attributes:
         owner: Name of the owner.
@@ -59,7 +59,8 @@ class WriteGuard:
 
     Args:
         robot: The robot, with its limits and firmware.
-        link: Link to the board. Its `write` must have a deadline, because a stop waits for it.
+        link: Link to the board. The method `write` of the link must return within a deadline,
+            because a stop waits for a write in progress.
         clock: Time source.
         is_active: Callback that returns True if the lifecycle is *active*.
         observe: Callback for every write, in order, without a lock.
@@ -67,9 +68,9 @@ class WriteGuard:
         positions: Pose of the arm, one position per actuated joint [rad].
 
     Attributes:
-        generation: Number of ended claims and stops. A motion can only begin in the generation of
-            its plan.
-        torque: True if the servos hold. Without torque, no frame may be sent.
+        generation: Number of ended claims and stops. A motion planned before the last change of
+            this number gets no claim.
+        torque: True if the servos have torque. Without torque, no frame may be sent.
     """
 
     def __init__(
@@ -190,11 +191,11 @@ class WriteGuard:
     def poll(self) -> float:
         """Send the request that is due, if any. A request moves no joint, so any state allows it.
 
-        A busy host may run the thread that reads too late. If received bytes wait for it, they may
-        be the answer, so the request waits for it, too.
+        On a busy host, the reading thread may run late. Unread bytes may be the answer to the last
+        request. The next request then waits until that thread has read them.
 
         Returns:
-            Earliest time of the next call [s].
+            Earliest useful time of the next call [s]; -inf for no limit.
 
         Raises:
             LinkError: The port failed.
@@ -227,7 +228,7 @@ class WriteGuard:
         self._outbox.deliver()
 
     def close(self) -> None:
-        """Refuse all further writes. First finish and report a write in progress."""
+        """Refuse all further writes. Wait until a write in progress is finished and reported."""
         self._closed = True
         with self._lock:
             pass
@@ -272,7 +273,7 @@ class WriteGuard:
         return changed
 
     def hold(self, claim: Claim | None = None) -> None:
-        """End the claim, and repeat the last frame once if one was written since the last hold.
+        """End the claim. Repeat the last frame once if a frame was written since the last hold.
 
         Args:
             claim: Claim of the motion to hold, or None to hold any motion.
@@ -295,26 +296,26 @@ class WriteGuard:
         self._outbox.deliver()
 
     def loosen(self, positions: Sequence[float], claim: Claim | None = None) -> bool:
-        """Command positions nearer to the measured ones, for joints that stand still, as a hold.
+        """Command positions nearer to the measured ones, for joints that push against an object.
 
-        The joints push against an object and stand still. Therefore their velocity is not checked.
+        These joints stand still. Therefore their velocity is not checked.
 
         Args:
             positions: One position per actuated joint [rad].
-            claim: Claim of the motion, or None if no motion is played. Motions that were planned
-                from the positions before are then refused.
+            claim: Claim of the motion, or None if no motion is played. A frame that is sent without
+                a claim ends the generation, so motions planned before are refused.
 
         Returns:
-            True if a frame was sent; False if it equals the last one, if the board has no room for
-            it now, or if there is no claim and a motion began or the torque went off.
+            True if a frame was sent. False if the frame equals the last one, or if the board has no
+            room for it now. Also False without a claim if a motion has begun or the torque is off.
 
         Raises:
             NotActive: The arm is not active.
-            TorqueOff: The arm of the claim has no torque.
+            TorqueOff: A claim is given, and the arm has no torque.
             StaleGeneration: The claim has ended.
             BadPosition: A position is invalid.
             LinkError: The port failed.
-            DriverFailed: The link failed otherwise.
+            DriverFailed: The link raised another exception.
         """
         with self._lock:
             self._check_active()
@@ -350,7 +351,7 @@ class WriteGuard:
     def _check_velocity(self, target: tuple[float, ...], frame: Frame) -> list[float]:
         """Return the time at which each joint reaches its target at its velocity limit [s].
 
-        A step too small to turn its servo is accepted. It counts towards the next step.
+        A step that is too small to turn its servo is accepted, and added to the next step.
         """
         now, arrivals = self._clock.now(), []
         turns = zip(self._last_frame.servos, frame.servos, strict=True)
@@ -402,7 +403,7 @@ class WriteGuard:
         try:
             self._link.write(data)
         except BaseException as error:
-            self._closed = True  # the board may have received a part, so nothing may follow
+            self._closed = True  # the board may have a part of the bytes, so nothing may follow
             if isinstance(error, LinkError) or not isinstance(error, Exception):
                 raise
             raise DriverFailed(error) from error  # even a WriteRefused: only the guard may raise it
@@ -411,7 +412,7 @@ class WriteGuard:
 def _most_behind(robot: Robot) -> list[float]:
     """Return the largest delay of each joint behind its command [s].
 
-    A servo turns by whole units, and a slow joint may need many periods for one of them.
+    A servo turns by whole units, and a slow joint may need many periods for one unit.
     """
     ends = [
         (0.0, 1.0) if joint.continuous else (joint.lower, joint.upper) for joint in robot.actuated

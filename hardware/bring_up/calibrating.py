@@ -46,12 +46,12 @@ class Row:
 
     Attributes:
         joint: The joint.
-        servo: Id of its servo.
-        now: Present position of its servo [ticks]; None before its first answer.
+        servo: Id of the joint's servo.
+        now: Present position of the servo [ticks]; None before the first answer.
         least: Smallest position so far [ticks].
         most: Largest position so far [ticks].
         range: Angle between smallest and largest position [deg].
-        seam: True if it passed the seam, or turned by a whole turn.
+        seam: True if the servo passed its seam, or turned by a whole turn.
     """
 
     joint: Joint
@@ -128,13 +128,13 @@ class Calibrator:
         return found
 
     def in_position_mode(self, kept: Mapping[str, Mapping[str, int]]) -> dict[str, dict[str, int]]:
-        """Return values to store, with the mode of each servo whose series has modes."""
+        """Return the values to store, and the mode for positions for each servo with modes."""
         reports = self._reports.items()
         modes = {joint: {"mode": POSITION_MODE} for joint, each in reports if "mode" in each.kept}
         return {joint: {**values, **modes.get(joint, {})} for joint, values in kept.items()}
 
     def changes(self, kept: Mapping[str, Mapping[str, int]]) -> list[Change]:
-        """Return the stored values of servos that differ from given values."""
+        """Return the changes of stored values that make them equal to `kept`."""
         return [
             Change(joint, self._servos[joint], name, self._reports[joint].kept[name], value)
             for joint, values in kept.items()
@@ -143,7 +143,7 @@ class Calibrator:
         ]
 
     def joints(self, kept: Mapping[str, Mapping[str, int]]) -> dict[str, CalibratedJoint]:
-        """Return the calibration of each joint, with the original values of its servo."""
+        """Return the calibration of each joint, with the first values of its servo."""
         found = dict[str, CalibratedJoint]()
         for joint in self._robot.actuated:
             report, values = self._reports[joint.name], kept[joint.name]
@@ -161,10 +161,10 @@ class Calibrator:
 
         Raises:
             DescriptionError: There is no calibration file.
-            CalibrationDiffers: The calibration file is of other servos.
+            CalibrationDiffers: The calibration file belongs to other servos.
         """
         if not self._earlier:
-            raise DescriptionError(self.path, 0, "is not there, so there is nothing to restore")
+            raise DescriptionError(self.path, 0, "does not exist; there is nothing to restore")
         if error := self.difference:
             raise error
         return {joint: self._first(joint) for joint in self._earlier}
@@ -174,13 +174,13 @@ class Calibrator:
 
     @property
     def difference(self) -> CalibrationDiffers | None:
-        """An error if the calibration file is of other servos, or None."""
+        """An error if the calibration file belongs to other servos, or None."""
         return next(filter(None, map(self._difference, self._reports)), None)
 
     def _difference(self, joint: str) -> CalibrationDiffers | None:
-        """Return an error if a joint's servo has values that the calibration file has not, or None.
+        """Return an error if a joint's servo has values that the calibration file lacks, or None.
 
-        An interrupted calibration has written some of the values.
+        Each value may be the first or the last one, as after an interrupted calibration.
         """
         report = self._reports[joint]
         for name, (first, last) in self._earlier.get(joint, {}).items():
@@ -189,7 +189,7 @@ class Calibrator:
         return None
 
     def write(self, changes: Iterable[Change]) -> None:
-        """Write values to the servos, and read them back.
+        """Write values to the servos, and check them.
 
         Raises:
             NotKept: A servo reads back another value, or does not answer.
@@ -251,5 +251,5 @@ def _lerobot_joint(joint: str, values: Mapping[str, int], servo: int, ticks: int
 
 
 def degrees(joint: Joint) -> float:
-    """Return the range of a joint in the URDF as text [deg]."""
+    """Return the range of a joint in the URDF [deg]."""
     return math.degrees(joint.upper - joint.lower)

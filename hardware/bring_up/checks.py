@@ -1,4 +1,4 @@
-"""Checks of a bus with servos. They open its port and ask every servo. They change nothing."""
+"""Checks of a bus with servos. They open its port and read from every servo, but write nothing."""
 
 import os
 from collections.abc import Iterator
@@ -28,7 +28,7 @@ def check_bus(robot: Robot, port: str) -> Iterator[Check]:
     """Yield the result of each check of a bus.
 
     Args:
-        robot: The robot. Its board can identify servos.
+        robot: A robot whose board can identify servos.
         port: Name of the port.
     """
     baud = robot.serial.baud
@@ -69,7 +69,7 @@ def _missing(robot: Robot, port: str, found: Found) -> Iterator[Check]:
         remedy = "connect the servos one by one: armtree calibrate --ids"
         yield Check("double ids", False, what, remedy, ServoTwice.code)
     for servo, name in found.strangers.items():
-        what = f"the answer to a request to servo {servo} has the id {name}"
+        what = f"the answer to a request for servo {servo} has the id {name}"
         remedy = "another servo answers with that id: connect it alone: armtree calibrate --ids"
         yield Check("other ids", False, what, remedy, ServoMissing.code)
     baud, others = search_speeds(robot, port)

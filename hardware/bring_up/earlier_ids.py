@@ -1,4 +1,4 @@
-"""The ids that servos had before `armtree calibrate --ids`: a file beside the calibration."""
+"""The file with the ids that servos had before `armtree calibrate --ids`."""
 
 import json
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ _MAX_BYTES = 2**16  # largest file [bytes]
 
 
 def ids_file(robot_file: Path) -> Path:
-    """Return the path of the file with the earlier ids for a robot file. It may be missing."""
+    """Return the path of the file with earlier ids for a robot file. The file may be missing."""
     return calibration_file(robot_file).with_name(f"{robot_file.stem}.ids.json")
 
 

@@ -14,7 +14,7 @@ _SEARCHED = range(30)  # ids to ask if a servo is missing, or alone on the bus
 
 
 def find_servos(robot: Robot, bus: ServoBus) -> Found:
-    """Find the servos on the open bus of an arm. Repeats the request to silent servos."""
+    """Return the servos on the open bus of an arm. Repeats the requests to silent servos."""
     found = bus.find(robot.servos.values())
     for _ in range(_ROUNDS - 1):
         missing = [servo for servo in robot.servos.values() if servo not in found.servos]
@@ -52,8 +52,8 @@ def answering(robot: Robot, bus: ServoBus, port: str) -> dict[int, ServoReport]:
 def search_speeds(robot: Robot, port: str) -> tuple[int, Found]:
     """Return the first speed of the line at which servos answer [bit/s], and these servos.
 
-    The speed of the robot file comes first. It is returned if no servo answers. At other speeds,
-    only the ids of the robot file and 1 are asked.
+    The speed of the robot file comes first. It is also returned if no servo answers. At other
+    speeds, requests go only to the ids in the robot file and to id 1.
 
     Args:
         robot: The robot.
@@ -74,9 +74,10 @@ def search_speeds(robot: Robot, port: str) -> tuple[int, Found]:
 
 
 def likely_cable(robot: Robot, present: Iterable[int]) -> str:
-    """Return words for the cable or servo that is the likely cause of missing answers.
+    """Return text for the cable or servo that is the likely cause of missing answers.
 
-    The servos form a chain in the order of their joints. No servo behind a broken cable answers.
+    The servos form a chain in the order of their joints. No servo after a broken cable answers. The
+    text is empty if all servos are present.
     """
     servos, there = list(robot.servos.items()), set(present)
     missing = [place for place, (_, servo) in enumerate(servos) if servo not in there]
@@ -85,9 +86,9 @@ def likely_cable(robot: Robot, present: Iterable[int]) -> str:
     first = missing[0]
     joint, servo = servos[first]
     if missing != list(range(first, len(servos))):
-        # Two servos with one id and equal values look as one.
-        others = "others behind it answer, so no cable is wrong, but the servo or its id, which "
-        others += "may be that of another servo"
+        # Two servos with one id and equal values look like one.
+        others = "servos after it answer, so no cable is broken: the servo is defective, its id is "
+        others += "wrong, or another servo has the same id"
         return f"servo {servo} of {joint}: {others}"
     if first == 0:
         return "the power supply, the adapter or the cable to the first servo: no servo answers"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class Swept:
-    """The swept range of one servo. Positions count over the seam: 4100 is 4 after a turn.
+    """The swept range of one servo. Positions count on past the seam: 4095, 4096, 4097.
 
     Attributes:
         turn: Number of positions in a turn [ticks].
@@ -20,7 +20,7 @@ class Swept:
     most: int
 
     def move(self, position: int) -> None:
-        """Store a position [ticks]. It is less than half a turn from the previous one."""
+        """Store a position [ticks]. It must be less than half a turn from the previous one."""
         half = self.turn // 2
         self.now += (position - self.now + half) % self.turn - half
         self.least, self.most = min(self.least, self.now), max(self.most, self.now)

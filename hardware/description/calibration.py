@@ -18,11 +18,11 @@ class CalibratedJoint:
     """The calibration of a joint.
 
     Attributes:
-        lower: Smallest position of its calibrated range [deg].
-        upper: Largest position [deg].
-        wire: Key `wire`, as a table of TOML in one line. The driver reads it.
-        before: Values that its servo stored before the first calibration, by the names in
-            `ServoReport`.
+        lower: Smallest position of the calibrated range [deg].
+        upper: Largest position of the calibrated range [deg].
+        wire: Value of the key `wire`: a table of TOML in one line. The driver reads it.
+        before: Values that the servo stored before the first calibration, by their names in
+            `ServoReport.kept`.
     """
 
     lower: float
@@ -34,8 +34,8 @@ class CalibratedJoint:
 def calibration_file(robot_file: Path) -> Path:
     """Return the path of the calibration file for a robot file. The file may be missing.
 
-    It is beside the robot file. For a shipped robot it is in the user's folder, because an
-    installation may be read-only, and an update replaces it.
+    It is in the folder of the robot file. For a shipped robot it is in the user's folder, because
+    an installation may be read-only, and an update would delete the file.
     """
     folder = user_folder() if _ships(robot_file) else robot_file.parent
     return folder / f"{robot_file.stem}{_SUFFIX}"
@@ -76,7 +76,7 @@ def read_calibration(path: Path, robot: str) -> TomlTable | None:
     root = TomlTable.read(path)
     root.integer("version", choices=(VERSION,))
     if (other := root.text("robot")) != robot:
-        root.fail("robot", f"it calibrates {other}, not {robot}; delete it, or calibrate again")
+        root.fail("robot", f"the file is for {other}, not {robot}; delete it, or calibrate again")
     root.text("made")
     joints = root.table("joints")
     root.done()
@@ -89,7 +89,7 @@ def earlier_values(path: Path, robot: str, ticks: int) -> dict[str, dict[str, tu
     Args:
         path: The calibration file.
         robot: Name of the robot.
-        ticks: Number of positions in a turn of a servo. Smaller values are allowed.
+        ticks: Number of positions in a turn of a servo. Values must be smaller.
 
     Returns:
         For each joint and each value, by its name in `ServoReport`: the value before the first
@@ -119,7 +119,7 @@ def write_calibration(
     Args:
         path: The file.
         robot: Name of the robot.
-        made: Time and way of the calibration, in words for people.
+        made: Time and method of the calibration, as text for people.
         joints: The calibration of every actuated joint.
 
     Raises:

@@ -115,7 +115,7 @@ def _normalized(vector: Vector) -> Vector:
 
 
 def _from_rpy(rpy: Vector) -> Quaternion:
-    """Return the rotation about the fixed x, y and z axes, in this order [rad]."""
+    """Return the quaternion of rotations [rad] about the fixed x, y and z axes, in this order."""
     roll, pitch, yaw = (
         (sin(rpy[0] / 2), 0.0, 0.0, cos(rpy[0] / 2)),
         (0.0, sin(rpy[1] / 2), 0.0, cos(rpy[1] / 2)),

@@ -20,20 +20,20 @@ def closing(joint: Joint, width: Callable[[float], float] = abs) -> int:
     """Return the sign of the motion that closes a gripper: 1 or -1.
 
     Args:
-        joint: A joint of the gripper. It closes towards one of its limits.
-        width: Returns the width at a position of the joint. Default: its distance from 0.
+        joint: A joint of the gripper. It closes towards the limit with the smaller width.
+        width: Callback that returns the width [m] at a position of the joint [rad]. Default: the
+            distance of the position from 0.
     """
     return -1 if width(joint.lower) <= width(joint.upper) else 1
 
 
 @dataclass(frozen=True, slots=True)
 class Gripper:
-    """A gripper that accepts its opening as a width.
+    """A gripper with a width: the distance between two points, one on each finger.
 
     Attributes:
         joint: The joint that moves the fingers.
-        pads: A point of each finger in the frame of its link [m], by link. The distance between the
-            two points is the width.
+        pads: The point on each finger in the frame of its link [m], by the name of the link.
     """
 
     joint: Joint
@@ -57,7 +57,7 @@ class Gripper:
         return sorted(widths) in (widths, widths[::-1]) and len({*widths}) == _SAMPLES
 
     def position(self, kinematics: ForwardKinematics, width: float) -> float:
-        """Return the position of the joint at which the gripper has a width [rad] or [m].
+        """Return the position of the joint at a width: [rad], or [m] for a prismatic joint.
 
         Args:
             kinematics: Forward kinematics of the robot.

@@ -18,7 +18,7 @@ class Tree:
     """The links of a URDF as a tree.
 
     Args:
-        urdf: The URDF. It must be valid.
+        urdf: A valid URDF.
 
     Attributes:
         root: Name of the link without a parent.
@@ -36,7 +36,10 @@ class Tree:
         return [joint for joint in self._beyond(link) if joint.name in self._moving]
 
     def branches(self, link: str) -> list[tuple[UrdfJoint, list[UrdfJoint]]]:
-        """Return each joint of a link that has moving joints beyond it, and those joints."""
+        """Return the branches at a link: their first joints, each with its moving joints.
+
+        A moving first joint is one of them. A branch without an independent joint is left out.
+        """
         found = []
         for joint in self._below[link]:
             own = [joint] if joint.name in self._moving else []
@@ -46,7 +49,7 @@ class Tree:
         return found
 
     def fixed_to(self, link: str) -> list[str]:
-        """Return a link and then all links that are fixed to it."""
+        """Return a link, then all links that fixed joints connect to it."""
         links = [link]
         for each in links:  # the loop extends this list
             links += [j.child for j in self._below[each] if j.name not in self._moving]
@@ -60,11 +63,12 @@ class Tree:
 
 
 def guess_gripper(urdf: Urdf) -> tuple[str, ...]:
-    """Return the names of the joints of the gripper, without mimic joints; empty if it has none.
+    """Return the names of the gripper's joints without mimic joints; empty without a gripper.
 
     The arm is the chain from the root. It ends at the branch into fingers. Without a branch, it
     ends before the last joints with names such as `gripper` or `finger`. It also ends before the
-    last joint if its link has such a name, or if a joint beside it mimics it.
+    last joint if the link of this joint has such a name, or if another joint on the same parent
+    mimics this joint.
 
     Raises:
         UrdfError: No joint moves, or the URDF branches into several arms.
@@ -101,12 +105,12 @@ def _all_of_gripper(joints: Sequence[UrdfJoint]) -> bool:
 def _check_fingers(
     link: str, arm: list[UrdfJoint], rest: list[tuple[UrdfJoint, list[UrdfJoint]]]
 ) -> None:
-    """Check that a branch may be the fingers of a gripper."""
+    """Check that the branches at a link may be the fingers of a gripper."""
     short = all(len(moving) <= _FINGER_JOINTS for _, moving in rest)
     if (len(arm) < _LEAST_ARM and (rest or not arm)) or not short:
         ways = ", ".join(f"{joint.name} ({plural(len(moving), 'joint')})" for joint, moving in rest)
         raise UrdfError(
-            f"it branches at {link} into {ways}; armtree moves one arm: remove the other arms, "
+            f"the URDF branches at {link} into {ways}; armtree moves one arm: remove other arms, "
             "make their joints fixed, or name the joints of the gripper with --gripper"
         )
 

@@ -13,16 +13,16 @@ class Guards:
     Attributes:
         following_deg: Largest difference of a measured from a commanded position [deg].
         following_s: Longest time with a larger difference [s].
-        stall_effort: Effort of a stalled joint or more, as a share of the largest torque.
-        stall_a: Current of a stalled joint or more [A]; unused if no current is measured.
+        stall_effort: Smallest effort of a stalled joint, as a share of the largest torque.
+        stall_a: Smallest current of a stalled joint [A]; unused if no current is measured.
         stall_deg: Smallest difference from the commanded position of a stalled joint [deg].
         stall_s: Longest time with such an effort, current and difference [s].
         grips: Motion with which a gripper grips: `closing`, or `opening` from within an object.
-        grip_effort: Effort of a gripper that pushes against an object, or more.
+        grip_effort: Smallest effort of a gripper that pushes against an object, as a share.
         squeeze_deg: Largest difference of a gripper that holds an object from its commanded
             position [deg].
         settle_deg: Largest difference between a joint of the arm and the end of a motion [deg].
-        settle_s: Longest time from the last frame until the joints are there [s].
+        settle_s: Longest time from the last frame until the joints have reached the end [s].
         warn_c: Temperature of a servo at which armtree begins to warn [C].
         most_c: Highest temperature of a servo [C].
         warn_v: Voltage below which armtree warns [V].

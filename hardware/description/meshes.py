@@ -1,4 +1,4 @@
-"""The mesh files of a URDF. It names them by `package://` and relative paths."""
+"""The mesh files of a URDF, which names them by `package://` and relative paths."""
 
 import os
 import stat
@@ -11,8 +11,8 @@ from urllib.parse import unquote
 from .urdf import Urdf, UrdfError
 
 MAX_MESH_BYTES = 2**26
-MAX_SIZE = 20.0  # a mesh, a shape or a distance that is longer along an axis is in mm [m]
-_TRIANGLES = 1000  # number of triangles of a mesh that are measured
+MAX_SIZE = 20.0  # largest plausible size or distance along an axis; more looks like mm [m]
+_TRIANGLES = 1000  # number of triangles that are measured of a large mesh, about
 _PACKAGE = "package://"
 
 
@@ -25,7 +25,7 @@ def find_mesh(urdf: Path, name: str) -> Path:
 
     `package://NAME/FILE` is searched in every folder above the URDF, as `NAME/FILE` and as `FILE`,
     then in the packages of `ROS_PACKAGE_PATH` and `AMENT_PREFIX_PATH`. A relative path begins at
-    the folder of the URDF, or at one above it.
+    the folder of the URDF, or at a folder above.
 
     Args:
         urdf: The URDF file.
@@ -52,9 +52,9 @@ def find_mesh(urdf: Path, name: str) -> Path:
 
 
 def mesh_mistakes(urdf: Path, names: Iterable[str]) -> Iterator[UrdfError]:
-    """Yield the mistakes of meshes. All missing meshes of one package are one mistake.
+    """Yield the mistakes of meshes. The missing meshes of one package share a mistake.
 
-    Of a file's content, only the structure of STL is checked.
+    The content of a file is not checked, except for the structure of STL files.
 
     Args:
         urdf: The URDF file.
@@ -83,7 +83,9 @@ def mesh_mistakes(urdf: Path, names: Iterable[str]) -> Iterator[UrdfError]:
 
 
 def mesh_size_mistakes(path: Path, urdf: Urdf) -> Iterator[UrdfError]:
-    """Yield the collision meshes in mm. Only binary STL is checked, by some of its triangles.
+    """Yield a mistake for each collision mesh in mm.
+
+    Only binary STL files are checked, by some of their triangles.
 
     Args:
         path: The URDF file.
@@ -102,12 +104,12 @@ def mesh_size_mistakes(path: Path, urdf: Urdf) -> Iterator[UrdfError]:
 
 
 def mesh_in_mm(name: str, size: float, scale: Sequence[float]) -> str:
-    """Return the words for a mesh in mm.
+    """Return the message for a mesh that looks like mm.
 
     Args:
         name: Name of the file.
-        size: Its largest size along an axis [m].
-        scale: Its scale in the URDF along x, y and z.
+        size: Largest size of the mesh along an axis [m].
+        scale: Scale of the mesh in the URDF along x, y and z.
     """
     right = " ".join(f"{each / 1e3:g}" for each in scale)
     why = f"the mesh {name} is {size:.0f} m long, which looks like mm"
@@ -140,7 +142,7 @@ def visual_mesh_warnings(path: Path, urdf: Urdf) -> Iterator[UrdfError]:
 
 
 def _is_stl(path: Path) -> bool:
-    """Return True if a file begins as STL in text, or has the size of its binary triangles."""
+    """Return True if a file begins as a text STL, or has the right size for a binary STL."""
     with path.open("rb") as stream:
         head = stream.read(84)
     size = 84 + 50 * int.from_bytes(head[80:], "little")
@@ -185,8 +187,8 @@ def _advice(urdf: Path, name: str, *others: str) -> str:
     if package := _package(name):
         if folder := _package_folder(urdf, package):
             return f"copy {them} into {folder}, or correct {paths} in {urdf.name}"
-        where = f"put the folder {package} beside {urdf.name} or above it"
-        return f"{where}, or name the folder around it in ROS_PACKAGE_PATH"
+        where = f"put the folder {package} in the folder of {urdf.name} or a folder above"
+        return f"{where}, or add the folder that contains {package} to ROS_PACKAGE_PATH"
     if "://" in name:
         return "armtree opens only package://, file:// and paths relative to the URDF"
-    return f"copy it there, or correct its path in {urdf.name}"
+    return f"copy the file to that path, or correct the path in {urdf.name}"

@@ -10,7 +10,7 @@ from .urdf import Urdf
 
 
 def adjacent_links(urdf: Urdf, shaped: Collection[str]) -> set[frozenset[str]]:
-    """Return the pairs of neighbouring links. Links without shapes between two links do not count.
+    """Return the pairs of neighbouring links with shapes. Links without shapes are skipped.
 
     Args:
         urdf: The URDF.
@@ -32,12 +32,12 @@ def adjacent_links(urdf: Urdf, shaped: Collection[str]) -> set[frozenset[str]]:
 
 
 def advice_for_contact(robot: Robot, first: str, second: str) -> str:
-    """Return advice about two links that touch. The user may allow this for neighbours.
+    """Return advice about two links that touch. Neighbours may be allowed to touch.
 
     Args:
         robot: The robot.
-        first: Name of one link or body.
-        second: Name of the other one.
+        first: Name of the first link or body.
+        second: Name of the second link or body.
 
     Returns:
         The advice, or an empty text if they are not neighbours.
@@ -54,7 +54,7 @@ def advice_for_contact(robot: Robot, first: str, second: str) -> str:
 def shape_warnings(robot: Robot) -> list[str]:
     """Return warnings about links without collision shapes, and about missing visual meshes.
 
-    All missing meshes of one package are one warning.
+    The missing meshes of one package share a warning.
     """
     urdf = robot.description
     counts, visible = urdf.shape_counts(), urdf.shape_counts("visual")

@@ -21,7 +21,7 @@ from .robot import CollisionRules, Robot, Serial, Tool
 from .urdf import MAX_BYTES, Urdf, UrdfError, UrdfJoint
 
 _MARGIN = 0.005  # [m]
-# A larger velocity limit in a URDF is a placeholder, and is replaced by the cautious one.
+# A larger velocity limit in a URDF is a placeholder: `_CAUTIOUS` replaces it.
 _PLAUSIBLE = {"rad": 3.5, "m": 1.0}  # [rad/s], [m/s]
 _CAUTIOUS = {"rad": 1.0, "m": 0.1}  # [rad/s], [m/s]
 _DEGREES = 4 * math.pi, 720.0  # magnitude of limits that are degrees by mistake
@@ -97,8 +97,8 @@ def draft_robot(
 
     Args:
         path: The URDF file.
-        largest: Largest size of a collision shape, and largest distance from the origin of its link
-            [m].
+        largest: Largest allowed size of a collision shape, and largest allowed distance of the
+            shape from the origin of the link [m].
         gripper: Names of the joints of the gripper; None to guess them.
         tool: Name of the link that carries the tool; None to guess it.
 
@@ -142,7 +142,9 @@ def draft_robot(
 
 
 def guess_gripper_poses(robot: Robot) -> dict[str, dict[str, float]]:
-    """Return the poses `open` and `closed` of a gripper from its limits; empty without limits.
+    """Return the poses `open` and `closed` of a gripper from the limits of its joints.
+
+    A joint without limits is left out. The result is empty if no joint is left.
 
     Each joint is closed at the limit that is nearer to 0; if both are equally near, at the lower
     one. It is open at the other limit.
@@ -160,12 +162,12 @@ def guess_gripper_poses(robot: Robot) -> dict[str, dict[str, float]]:
 
 
 def robot_text(robot: Robot, folder: Path, allowed: Mapping[tuple[str, str], str]) -> str:
-    """Return a robot file.
+    """Return the text of a robot file.
 
     Args:
         robot: The robot that `draft_robot` returned.
-        folder: Folder of the robot file. The path of the URDF is written relative to it.
-        allowed: Pairs of links that are not checked, and the reason of each.
+        folder: Folder of the robot file. The path of the URDF is written relative to this folder.
+        allowed: Reason for each pair of links that is not checked for collisions.
     """
     urdf = robot.description
     assert robot.tool
@@ -206,7 +208,7 @@ def _joint_text(joint: Joint, described: UrdfJoint) -> str:
 
 
 def _gripper_text(robot: Robot, urdf: Urdf) -> str:
-    """Return the keys for the width of a gripper with one independent joint, as comments."""
+    """Return the table `gripper` as comments; empty unless one joint moves independently."""
     if len(robot.actuated_in("gripper")) != 1:
         return ""
     moving = [urdf.moving[name] for name in robot.groups["gripper"]]
@@ -221,7 +223,7 @@ def _key(name: str) -> str:
 
 
 def _rounded(value: float, lower: float, upper: float) -> float:
-    """Return a value rounded to four digits, or unchanged if that is out of bounds."""
+    """Return a value rounded to four decimals, or unchanged if the result is 0 or out of bounds."""
     short = round(value, 4)
     return short if short and lower <= short <= upper else value
 
@@ -263,7 +265,7 @@ def _words(numbers: Sequence[float]) -> str:
 
 
 def _in_degrees(*limits: float) -> list[float]:
-    """Return the limits that look like degrees, if one is more than two turns in radians."""
+    """Return the limits that look like degrees; empty unless one is above two turns [rad]."""
     least, most = _DEGREES
     large = [q for q in limits if least < abs(q) <= most and round(q, 1) == q]
     return [q for q in limits if q in large or (large and q and q.is_integer())]

@@ -1,4 +1,4 @@
-"""The robot as data: joints, groups, limits, and its board."""
+"""The robot as data: joints, groups, limits and board."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -31,9 +31,9 @@ from .urdf import Urdf
 # Margin at the ends of a calibrated range, so that the joint does not push against its stop [deg].
 RANGE_MARGIN = 1.0
 
-TURNS = ("roll", "pitch", "yaw")  # names of the turns of a tool
-POINT_JOINTS = 3  # joints that hold a tool at a point
-_FREE_JOINTS = 6  # joints that hold a tool at a point in any orientation
+TURNS = ("roll", "pitch", "yaw")  # names of the rotations of a tool
+POINT_JOINTS = 3  # number of joints that hold a tool at a point
+_FREE_JOINTS = 6  # number of joints that hold a tool at a point in any orientation
 
 
 @dataclass(frozen=True, slots=True)
@@ -62,8 +62,8 @@ class CollisionRules:
         allowed: Pairs of links that are not checked.
         floor: Height of the floor in the root frame of the URDF [m]; None for no floor.
         floor_ignores: Links that may touch or intersect the floor.
-        start_contact: Deepest overlap in which a motion may start [m]; 0 if a motion may not start
-            closer than the margin. The motion deepens an overlap by at most 1 mm.
+        start_contact: Deepest overlap of bodies in which a motion may start [m]; 0 if a motion may
+            not start closer than the margin. The motion deepens an overlap by at most 1 mm.
     """
 
     margin: float
@@ -75,11 +75,11 @@ class CollisionRules:
 
 @dataclass(frozen=True, slots=True)
 class Tool:
-    """The tool center point (TCP). It moves to the targets of a task.
+    """The tool center point (TCP), which moves to the targets of a task.
 
     Attributes:
-        link: Link that carries it.
-        offset: Position in the frame of that link [m].
+        link: Name of the link that carries the tool.
+        offset: Position of the TCP in the frame of that link [m].
         axis: Direction in which the tool points, in the same frame.
     """
 
@@ -96,7 +96,7 @@ class Robot:
         name: Name of the robot.
         path: The robot file.
         urdf: The URDF file.
-        joints: The moving joints in the order of the robot file, then the mimic joints.
+        joints: The independent joints in the order of the robot file, then the mimic joints.
         groups: Names of the joints of each group, mimic joints included.
         serial: The serial line.
         driver: Driver of the board.
@@ -104,15 +104,15 @@ class Robot:
         collision: Rules of collision checking.
         tool: The tool, or None if the robot file has none.
         gripper: The gripper, or None if the robot file does not define its width.
-        brake: Time in which a stop slows the motion down before it holds [s]; 0 to hold at once.
+        brake: Time in which a stop slows the motion down before the hold [s]; 0 to hold at once.
         acceleration_sum: Largest sum of the absolute accelerations of all joints [rad/s2].
-        needs_calibration: True if it must be calibrated before it moves on a real port.
-        calibration: Its calibration file, or None if there is none.
-        guards: Limits of what the board measures; unused if it measures nothing.
+        needs_calibration: True if the robot must be calibrated before it moves on a real port.
+        calibration: The calibration file, or None if there is none.
+        guards: Limits of measured values; unused if the board measures nothing.
         links: Names of all links.
         home: Target of `armtree home`: poses and JOINT=VALUE; empty for the start pose.
-        meshes: Files of meshes by their names in the URDF. Only for meshes that are not beside the
-            URDF, as in a recording.
+        meshes: Files of meshes by their names in the URDF. Only for meshes that `find_mesh` would
+            not find, as in a recording.
     """
 
     name: str
@@ -147,13 +147,14 @@ class Robot:
 
     @property
     def has_driver(self) -> bool:
-        """True if the robot file names a driver. Without one, only the port `virtual` exists."""
+        """True if the robot file names a driver. If not, only the port `virtual` can be used."""
         return not isinstance(self.driver, NullDriver)
 
     def __getstate__(self) -> dict[str, object]:
-        """Return a copy, because one thread may cache a property while another one pickles.
+        """Return the attributes to pickle: all except the parsed URDF.
 
-        The parsed URDF is large, and few processes need it.
+        The URDF is large, and few processes need it. The result is a copy, because another thread
+        may cache a property during the pickling.
         """
         state = self.__dict__.copy()
         state.pop("description", None)
@@ -161,7 +162,7 @@ class Robot:
 
     @cached_property
     def description(self) -> Urdf:
-        """The URDF. It is read once, when it is first needed.
+        """The URDF. The file is read once, at the first use.
 
         Raises:
             OSError, ValueError, LookupError, UrdfError: `Urdf.read` failed.
@@ -232,8 +233,8 @@ class Robot:
     def within_limits(self, measured: Sequence[float], resting: bool = False) -> tuple[float, ...]:
         """Return measured positions, moved within the limits of their joints [rad].
 
-        A joint at the end of a motion to a limit is a little outside. `settle_deg` is accepted
-        there, as at the end of any motion.
+        At the end of a motion to its limit, a joint may be a little outside. A distance of
+        `settle_deg` is accepted, as at the end of any motion.
 
         Args:
             measured: One position per actuated joint [rad].
@@ -257,7 +258,7 @@ class Robot:
 
     @property
     def open_effect(self) -> str:
-        """Effect of opening the port on the arm, in words for messages."""
+        """Effect on the arm of opening the port, as text for messages."""
         return self.firmware.words.reset_effect if self.serial.resets else "stays where it is"
 
     def can(self, ability: Ability) -> bool:
@@ -274,7 +275,7 @@ class Robot:
             raise NotAble(self.name, self.firmware.name, ability.value)
 
     def protocol(self) -> BoardProtocol:
-        """Return the protocol of a connection to the board that is about to be opened."""
+        """Return a new protocol of the board, for a connection that is about to be opened."""
         return self.driver.protocol(self.actuated, self.firmware, self.path)
 
     def model(self) -> BoardModel | None:
@@ -301,7 +302,7 @@ class Robot:
 
     @property
     def servos(self) -> dict[str, int]:
-        """Id of the servo of each joint, by its name.
+        """Ids of the servos, by the names of their joints.
 
         Raises:
             NotAble: The board cannot identify servos.
@@ -310,7 +311,9 @@ class Robot:
 
     @property
     def kept(self) -> dict[str, dict[str, int]]:
-        """Values that the servo of each joint must have by its calibration; see `ServoReport.kept`.
+        """Values that calibrated servos must store, by the names of their joints.
+
+        The names of the values are those in `ServoReport.kept`.
 
         Raises:
             NotAble: The board cannot identify servos.
@@ -318,7 +321,7 @@ class Robot:
         return self._servo_driver.kept(self.actuated)
 
     def servo_bus(self, port: str, baud: int, clock: Clock) -> ServoBus:
-        """Return the servos on a port, for requests to single servos.
+        """Return a bus on a port, for requests to single servos. The bus is not open.
 
         Args:
             port: Name of the port, or `virtual`.
@@ -334,18 +337,18 @@ class Robot:
         return self.servos_on(link, clock)
 
     def servos_on(self, link: Link, clock: Clock) -> ServoBus:
-        """Return the servos on a link that is not open. Raises the errors of `servo_bus`."""
+        """Return a bus on a link that is not open. Raises the errors of `servo_bus`."""
         return self._servo_driver.servo_bus(self.firmware, link, clock)
 
     def calibrated(self, joint: Joint, kept: Mapping[str, int], turn: float) -> CalibratedJoint:
-        """Return the calibration of a joint with this range.
+        """Return the calibration of a joint for the range that its servo stores.
 
-        The middle of the range is the middle of the joint's limits in the URDF.
+        The middle of this range becomes the middle of the joint's limits in the URDF.
 
         Args:
             joint: The joint, with its limits in the URDF.
-            kept: Values that its servo stores, by the names in `ServoReport`: `least` and `most`
-                are the range [ticks].
+            kept: Values that its servo stores, by their names in `ServoReport.kept`: `least` and
+                `most` are the range [ticks].
             turn: Angle of a tick [deg].
         """
         middle = (joint.lower + joint.upper) / 2
@@ -374,7 +377,7 @@ class Robot:
 
     @cached_property
     def grips(self) -> dict[str, int]:
-        """Sign of the motion with which each joint of the gripper grips, by its name: 1 or -1."""
+        """Direction in which each joint of the gripper grips, by its name: 1 or -1."""
         width = partial(self.gripper.width, self.kinematics) if self.gripper else abs
         way = -1 if self.guards.grips == OPENING else 1
         return {joint.name: way * closing(joint, width) for joint in self.actuated_in("gripper")}
@@ -390,7 +393,7 @@ class Robot:
         return ForwardKinematics(self.description)
 
     def tool_position(self, positions: Mapping[str, float]) -> tuple[float, float, float] | None:
-        """Return the position of the tool in the root frame [m]; None if it has no tool.
+        """Return the position of the tool in the root frame [m]; None if the robot has no tool.
 
         Args:
             positions: Position of every actuated joint [rad], by name.
@@ -410,7 +413,7 @@ class Robot:
         return self.gripper.width(self.kinematics, positions[self.gripper.joint.name])
 
     def at_width(self, width: float) -> dict[str, float]:
-        """Return the position of the joint of the gripper [rad] by name, from its width [m].
+        """Return the position of the gripper's joint at a width [m], by the name of the joint.
 
         Raises:
             BadPosition: The gripper cannot reach this width.
@@ -419,7 +422,7 @@ class Robot:
         return {self.gripper.joint.name: self.gripper.position(self.kinematics, width)}
 
     def joint(self, name: str) -> Joint:
-        """Return the joint of that name.
+        """Return the joint with this name.
 
         Raises:
             KeyError: There is no such joint. The message lists the joints.
@@ -434,9 +437,10 @@ class Robot:
         return joint_words(positions, {joint.name: joint.unit for joint in self.joints})
 
     def turns(self, group: str = "arm") -> tuple[str, ...]:
-        """Return those of `TURNS` that a group can make in most poses, without moving its tool.
+        """Return the names of the rotations that a group can make in most poses; see `TURNS`.
 
-        A group with less than six joints can make a yaw in few poses only.
+        The tool center point does not move in a rotation. A group with less than six joints can
+        make a yaw only in few poses. A group with at most three joints can make no rotation.
         """
         members = self.groups.get(group, ())
         count = sum(joint.name in members for joint in self.actuated)

@@ -36,7 +36,7 @@ def load_robot(
 
     Args:
         path: The robot file, or the name of a shipped robot. Default: the Arduinobot.
-        urdf: The URDF file. Default: the one that the robot file names.
+        urdf: The URDF file. Default: the file that the robot file names.
         calibrated: False to ignore the calibration file. Default: True.
 
     Raises:
@@ -125,14 +125,14 @@ def _robot_file(path: Path) -> Path:
     if not path.is_file() and len(path.parts) == 1 and path.name in shipped:
         return shipped[path.name]
     if path.suffix.lower() == ".urdf":
-        why = f"is a URDF, not a robot file; make one with `armtree new-arm {path}`"
+        why = f"is a URDF, not a robot file; make a robot file with `armtree new-arm {path}`"
         raise DescriptionError(path, 0, why)
     if path.exists():
         return path
     beside = {file.stem: str(file) for file in path.parent.glob("*.toml") if is_robot_file(file)}
     known = dict(zip(shipped, shipped, strict=True)) | beside
     near = did_you_mean(known.get(closest(path.stem, known), ""))
-    present = f"there are {', '.join(shipped)}"
+    present = f"the shipped robots are {', '.join(shipped)}"
     present += near or "; `armtree new-arm` makes one from a URDF"
     why = f"there is no such file, and no shipped robot of that name; {present}"
     raise DescriptionError(path, 0, why)
@@ -178,8 +178,8 @@ def _board(root: TomlTable, driver: Driver | NullDriver) -> tuple[Serial, Firmwa
 
 def _guards(root: TomlTable, firmware: Firmware) -> Guards:
     if Ability.MEASURE not in firmware.abilities:
-        why = f"{firmware.name} measures nothing that they could check"
-        root.fail("guards", f"the table is not allowed: {why}; remove it")
+        why = f"a board with {firmware.name} measures nothing"
+        root.fail("guards", f"the table is not allowed, because {why}; remove the table")
     table = root.table("guards")
     limits = {field.name for field in fields(Guards)} - {"grips", "on_fault"}
     guards = Guards(
@@ -217,7 +217,7 @@ def _joints(
                 near = suggestion(name, moving, [*table])
                 table.fail(name, f"the URDF has no such joint; it has {', '.join(moving)}{near}")
             if moving[name].mimic:
-                table.fail(name, "follows another joint in the URDF and has no servo of its own")
+                table.fail(name, "follows another joint in the URDF and has no servo; remove it")
             if joint := _joint(name, table.table(name), moving[name], driver, calibration):
                 own[name] = joint
     if table.mistakes:
@@ -227,8 +227,8 @@ def _joints(
             leader = described.mimic.leader
             mimics.append(_mimic_joint(table.table(leader), described, own[leader]))
         elif described.mimic:
-            why = f"the URDF's {name} follows {described.mimic.leader}"
-            root.fail("joints", f"{why}; let it follow one of those described: {', '.join(own)}")
+            why = f"the URDF's joint {name} follows {described.mimic.leader}, which has no table"
+            root.fail("joints", f"{why}; let it follow one of these: {', '.join(own)}")
         elif name not in own:
             root.fail("joints", f"the joint {name} of the URDF is missing; add [joints.{name}]")
     return (*own.values(), *mimics)
@@ -241,14 +241,14 @@ def _joint(
     driver: Driver | NullDriver | None,
     calibration: TomlTable | None,
 ) -> Joint | None:
-    """Return a joint, or None if it or an earlier one has mistakes, which are kept in the table."""
+    """Return a joint, or None if this or an earlier joint has mistakes, which the table keeps."""
     lower, upper, wired, swept = urdf.lower, urdf.upper, table, None
     if calibration and "wire" in table:
         wired = calibration.table(name)
         swept = math.radians(wired.number("lower_deg")), math.radians(wired.number("upper_deg"))
         lower, upper = max(lower, swept[0]), min(upper, swept[1])
         if lower >= upper:
-            wired.fail("lower_deg", "no position is within this range and the limits of the URDF")
+            wired.fail("lower_deg", "this range and the limits of the URDF do not overlap")
     with table.later():
         boot = table.number("boot")
         if not urdf.lower <= boot <= urdf.upper:
@@ -285,7 +285,7 @@ def _joint(
 
 
 def _in_radians(boot: float, urdf: UrdfJoint) -> str:
-    """Return a position in degrees as radians, or "" if it is none within the limits."""
+    """Return a position in degrees as text in radians; "" if it may be rad, or is out of limits."""
     exact = math.radians(boot)
     right = next((q for q in (round(exact, 4), exact) if urdf.lower <= q <= urdf.upper), None)
     return "" if urdf.unit != "rad" or abs(boot) <= math.tau or right is None else f"{right}"
@@ -311,7 +311,7 @@ def _groups(root: TomlTable, names: Sequence[str]) -> dict[str, tuple[str, ...]]
     members = [name for group in groups.values() for name in group]
     for name in names:
         if members.count(name) != 1:
-            root.fail("groups", f"joint {name} is in {members.count(name)} groups, not in one")
+            root.fail("groups", f"joint {name} is in {members.count(name)} groups; write it in one")
     return groups
 
 
@@ -348,7 +348,7 @@ def _gripper(
     table = root.table("gripper")
     pads = table.table("pads")
     if len([*pads]) != 2:
-        table.fail("pads", "does not name two points; give one of each finger, by its link")
+        table.fail("pads", "must have two points: one on each finger, by the name of its link")
     for link in pads:
         if link not in described.links:
             pads.fail(link, f"the URDF has no such link; {there_are(link, described.links)}")
@@ -356,7 +356,7 @@ def _gripper(
     table.done()
     own = [each for each in joints if each.name in groups["gripper"] and each.mimic is None]
     if len(own) != 1:
-        root.fail("gripper", f"the group gripper has {len(own)} joints of its own, not one")
+        root.fail("gripper", f"the group gripper has {len(own)} independent joints; it needs one")
     gripper = Gripper(own[0], points)
     if not gripper.is_monotonic(ForwardKinematics(described)):
         why = "two positions of the joint have the same distance between these points"

@@ -89,11 +89,11 @@ class UrdfJoint:
 
     @property
     def unit(self) -> str:
-        """Unit of its position: `m` for a prismatic joint, else `rad`."""
+        """Unit of the joint's position: `m` for a prismatic joint, else `rad`."""
         return _unit(self.type)
 
     def following(self, leader: Joint) -> Joint:
-        """Return the joint that mimics another one, with its limits times the multiplier."""
+        """Return this joint with its leader's velocity and acceleration times the multiplier."""
         assert self.mimic
         scale = abs(self.mimic.multiplier)
         return Joint(
@@ -254,7 +254,7 @@ class Urdf:
         """Yield every mistake of collision shapes.
 
         Args:
-            largest: Largest size of a shape, and largest distance from the origin of its link [m].
+            largest: Largest size of a shape, and largest coordinate of a shape in its link [m].
         """
         for link in self._root.findall("link"):
             for collision in link.findall("collision"):
@@ -297,7 +297,7 @@ class Urdf:
         return found
 
     def meshes(self) -> dict[str, bool]:
-        """Return the names of the mesh files, each with True if a collision shape uses it."""
+        """Return the names of the mesh files: True for the files that collision shapes use."""
         names = dict[str, bool]()
         for kind in ("collision", "visual"):
             for mesh in self._root.findall(f"link/{kind}/geometry/mesh"):
@@ -307,7 +307,7 @@ class Urdf:
     def text_with_meshes(
         self, find: Callable[[str], Path | str], kinds: Sequence[str] = ("collision",)
     ) -> str:
-        """Return the text of the URDF, with other names of its meshes.
+        """Return the text of the URDF with new names of mesh files.
 
         Args:
             find: Callback that returns the new name of a mesh, from its name in the URDF.
@@ -351,7 +351,7 @@ def _tree_mistakes(joints: list[Element], bodies: list[Element]) -> Iterator[_Mi
     for joint in joints:
         name, parent, child = joint.get("name", ""), _link(joint, "parent"), _link(joint, "child")
         counts[name] += 1
-        if counts[name] > 1:  # a mistake of its own, which must not hide others
+        if counts[name] > 1:  # `_name_mistakes` yields this mistake; it must not hide others
             name += f" ({counts[name]})"
         ends[name], elements[name] = (parent, child), joint
         for tag, link in (("parent", parent), ("child", child)):
@@ -371,16 +371,16 @@ def _tree_mistakes(joints: list[Element], bodies: list[Element]) -> Iterator[_Mi
     if not links:
         yield None, "has no links; give it at least one"
     if len(roots) > 1 and all(each in links for both in ends.values() for each in both):
-        why = f"links {' and '.join(roots)} have no parent joint, which only one link may lack"
+        why = f"links {' and '.join(roots)} have no parent joint; only one link may have none"
         between = f'<parent link="{roots[0]}"/><child link="{roots[1]}"/>'
         fixed = f'<joint name="to_{roots[1]}" type="fixed">{between}</joint>'
-        yield links[roots[1]], f"{why}; give each other one a joint, such as {fixed}"
+        yield links[roots[1]], f"{why}; give each other link a joint, such as {fixed}"
 
 
 def _loop_mistakes(
     joints: Mapping[str, Element], ends: Mapping[str, tuple[str, str]], above: Mapping[str, str]
 ) -> Iterator[_Mistake]:
-    """Yield a joint that is its own ancestor.
+    """Yield the mistake of a joint that is its own ancestor.
 
     Args:
         joints: The joints.
@@ -409,7 +409,7 @@ def _link(joint: Element, tag: str) -> str:
 
 
 def _joint(element: Element, wrong: list[_Mistake]) -> UrdfJoint:
-    """Return a joint, and append its mistakes. An invalid value becomes 0 or nan."""
+    """Return a joint, and append its mistakes to `wrong`. An invalid value becomes 0 or nan."""
     name, kind = element.get("name", ""), element.get("type", "")
     xyz, rpy = _origin(element, wrong)
     lower, upper, velocity = _limits(element, wrong)
@@ -451,9 +451,9 @@ def _vector(origin: Element, key: str, wanted: str, wrong: list[_Mistake]) -> Ve
 
 
 def _limits(joint: Element, wrong: list[_Mistake]) -> tuple[float, float, float]:
-    """Return lower and upper position, and velocity; infinite if the URDF omits one.
+    """Return the lower limit, the upper limit and the velocity limit; infinite if absent.
 
-    A velocity of 0 is the placeholder of an unknown one, so it is not a limit.
+    A velocity of 0 means that the limit is unknown, so it counts as absent.
     """
     kind, limit = joint.get("type", ""), joint.find("limit")
     bounded, unit = kind in ("revolute", "prismatic"), _unit(kind)

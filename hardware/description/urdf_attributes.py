@@ -1,4 +1,4 @@
-"""Attributes of the elements of a URDF, and misspelt ones."""
+"""Attributes of the elements of a URDF, and suggestions for misspelt attributes."""
 
 from xml.etree.ElementTree import Element
 
@@ -19,7 +19,7 @@ _ATTRIBUTES = {
 
 
 def given(element: Element, key: str, default: str) -> str:
-    """Return the value of an attribute, the default if it is absent, or "" if it is misspelt."""
+    """Return the value of an attribute; "" if it seems misspelt, or the default if it is absent."""
     return element.get(key, "" if misspelt(element, key) else default)
 
 
@@ -38,17 +38,18 @@ def others(element: Element, value: str | None) -> str:
 
     Args:
         element: The element.
-        value: Value of the wanted attribute. If it is not None, the words are empty.
+        value: Value of the attribute that a message is about. If it is not None, the words are
+            empty.
     """
     names = _unknown(element) if value is None else []
     verb = "are" if names[1:] else "is"
-    return f"; {' and '.join(names)} {verb} not known there" if names else ""
+    return f"; {' and '.join(names)} {verb} not known in <{element.tag}>" if names else ""
 
 
 def corrected_end(joint: Element, tag: str) -> str:
-    """Return the element that names a link of a joint, such as `<parent link="base"/>`.
+    """Return the right element for a link of a joint, such as `<parent link="base"/>`.
 
-    The name is the value of the first attribute that is there, or else NAME.
+    The link is the value of the first attribute of the wrong element, or NAME if it has none.
 
     Args:
         joint: The joint.

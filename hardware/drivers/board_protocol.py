@@ -9,14 +9,16 @@ from .wire_format import Frame
 
 @dataclass(frozen=True, slots=True)
 class Measurement:
-    """Measured values, one per actuated joint. A value that the board does not measure is empty.
+    """Measured values: tuples with one value per actuated joint.
+
+    A tuple is empty if the board does not measure its values.
 
     Attributes:
         position: Positions [rad].
         velocity: Velocities [rad/s].
-        effort: Parts of the largest torque of the servo, from -1 to 1.
+        effort: Torques as parts of the largest torque of the servo, from -1 to 1.
         temperature: Temperatures of the servos [C].
-        voltage: Voltages of their supply [V].
+        voltage: Supply voltages of the servos [V].
         current: Currents of the servos [A].
         lost: Numbers of lost answers of the servos since the port was opened.
     """
@@ -39,15 +41,15 @@ class BoardProtocol:
 
     Attributes:
         boot_frame: Frame of the pose that the ready board reported, or None. The first motion
-            starts there. `torque_commands` sets it again when it switches the torque on.
+            starts in this pose. `torque_commands(True)` sets `boot_frame` again.
         acknowledged: Number of frames that the board has received; None if the board does not
             report it.
         measured: Last measurement; None before the first one. Each measurement is a new object.
             Only a board with `Ability.MEASURE` measures.
-        free_at: Earliest time of the next frame [s]. It is later than now if the line must stay
-            free for an answer. The answer may free the line sooner.
-        next_poll: Time of the next `poll` [s]; inf for no poll until a frame or received bytes
-            change it.
+        free_at: Earliest time of the next frame [s]. A time after now means that the line must stay
+            free for an answer. When the answer comes, this time may become earlier.
+        next_poll: Time of the next `poll` [s]; inf if no poll is due before the next frame or
+            the next received bytes.
     """
 
     boot_frame: Frame | None = None
@@ -68,7 +70,7 @@ class BoardProtocol:
         """
 
     def start_commands(self) -> bytes:
-        """Return the bytes to send once, when the arm becomes active; empty by default."""
+        """Return the bytes to send once when the arm becomes active. Default: no bytes."""
         return b""
 
     def hold_commands(self) -> bytes:
@@ -79,10 +81,12 @@ class BoardProtocol:
         """Return the commands that switch the torque of all servos, for `Ability.TORQUE`.
 
         The arm sends one command in each period of frames, so that the torque may rise slowly. The
-        servos then hold their measured positions. A joint outside its limits, as one on a stop,
-        then moves to the limit, where the first motion starts. The arm switches the torque on when
-        it becomes active. A deactivation does not switch it off. If a joint is too far outside, the
-        arm drops the commands that switch it on, calls this again with False, and sends nothing.
+        servos then hold their measured positions. A joint outside its limits, for example on a
+        mechanical stop, then moves to its limit, and the first motion starts there. The arm
+        switches the torque on when it becomes active. A deactivation does not switch it off.
+
+        If a joint is too far outside its limits, the arm sends nothing. It then calls this method
+        again with False, so that the protocol expects no torque.
 
         Args:
             on: True to hold the joints; False to release them.
@@ -90,7 +94,7 @@ class BoardProtocol:
         return ()
 
     def note_sent(self, frame: Frame, now: float) -> None:
-        """Account for a frame before it is sent."""
+        """Note a frame that is about to be sent at this time [s]."""
 
     def receive(self, data: bytes, now: float) -> None:
         """Process received bytes: any number, in any pieces, possibly damaged.

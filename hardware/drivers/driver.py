@@ -26,7 +26,7 @@ GROUP = "armtree.hardware"
 
 
 class Driver(Protocol):
-    """The driver of one kind of board. It is created without arguments."""
+    """The driver of one kind of board. armtree creates the driver without arguments."""
 
     @property
     def firmwares(self) -> Mapping[str, Firmware]:
@@ -36,7 +36,7 @@ class Driver(Protocol):
         """Read the encoding of a joint from the key `wire` of its table.
 
         Args:
-            joint: Table of the joint in the robot file. Its methods reject wrong values.
+            joint: Table of the joint in the robot file. Methods of the table reject wrong values.
             lower: Smallest position of the joint [rad].
             upper: Largest position of the joint [rad].
 
@@ -77,7 +77,7 @@ class Driver(Protocol):
             joints: The actuated joints.
             firmware: Firmware of the board.
             baud: Speed of the line [bit/s].
-            port: Name of the port. It is not `virtual`.
+            port: Name of the port, which is not `virtual`.
         """
 
     def model(self, joints: Sequence[Joint], firmware: Firmware, baud: int) -> BoardModel | None:

@@ -7,14 +7,14 @@ from enum import Enum
 
 
 class Ability(Enum):
-    """An ability of a board besides following frames. The value completes "it can ...".
+    """An ability of a board besides moving to frames. The value completes "the board can ...".
 
     Code checks abilities with `Robot.require`, never the name of a driver.
     """
 
     MEASURE = "measure where its joints are"
     TORQUE = "switch the torque of its servos off and on"
-    LIMITS = "keep limits and offsets in its servos"
+    LIMITS = "store limits and offsets in its servos"
     IDENTIFY = "find its servos and name them"
 
 
@@ -23,9 +23,9 @@ class Words:
     """Words of a driver for messages.
 
     Attributes:
-        board: Kind of board.
+        board: Name for the kind of board.
         unit: Unit of the servo angles in a frame, in the plural.
-        start_pose: Name of the pose after the port opens, if the board reports no pose.
+        start_pose: Name for the pose after the port opens, if the board reports no pose.
         reset_effect: Effect of a reset of the board on the arm.
         advice_outside: Advice for a person if a servo is outside the limits of its joint.
     """
@@ -46,21 +46,21 @@ class Firmware:
         rate: Rate at which motions are sampled into frames [Hz].
         most_rate: Largest rate that a robot file may choose [Hz]; 0 if the rate is fixed. At a
             higher rate, `max_step` is smaller in proportion.
-        lost_answers: Lost answers of a servo in a row that are a fault; 0 for a board without
-            requests. A robot file may override this.
-        silent_time: Longest time from the last measurement of a board with `Ability.MEASURE` to the
-            fault that it is silent [s]. The protocol keeps it also on a busy host.
-        max_step: Largest change of one frame at this rate: the sum over all servos.
-        boot_time: Time from opening the port until the board reads from its line [s].
-        baud: Speed of its line [bit/s]; 0 if any speed is possible.
+        lost_answers: Number of lost answers of a servo in a row that are a fault; 0 for a board
+            without requests. A robot file may override this.
+        silent_time: If a board with `Ability.MEASURE` stops measuring, longest time until the
+            fault [s]. It also applies on a busy host.
+        max_step: Largest total turn of all servos by one frame, at this rate.
+        boot_time: Time from opening the port until the board reads bytes [s].
+        baud: Speed of the line [bit/s]; 0 if any speed is possible.
         ring: Size of the receive buffer for unread bytes [bytes].
-        unit_time: Time for which a turn by one unit blocks the board [s]; 0 if turns do not block.
+        unit_time: Time for which a turn by one unit blocks the board [s]; 0 if the board can read
+            meanwhile.
         turn_time: Additional time for which each turning servo blocks the board [s].
         resets: True if opening the port resets the board. A robot file may override this.
         reports_pose: True if the board reports the pose of the arm after the port opens.
-        abilities: Abilities of the board besides following frames.
-        bauds: Possible speeds of its servos [bit/s], for a search; empty for a board without such
-            servos.
+        abilities: Abilities of the board besides moving to frames.
+        bauds: Possible speeds of bus servos [bit/s], for a search; empty for other servos.
         words: Words of the driver for messages.
     """
 

@@ -77,7 +77,7 @@ class NullDriver:
         """Accept any joints."""
 
     def wire_format(self, joints: Sequence[Joint], firmware: Firmware) -> NullWireFormat:
-        """Return the wire format. No board reads its frames."""
+        """Return the wire format. No board reads frames of this format."""
         return NullWireFormat(joints)
 
     def protocol(

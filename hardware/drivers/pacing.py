@@ -9,11 +9,11 @@ from .wire_format import Frame
 
 
 class PacingModel:
-    """Computes the time of the next frame from the sent frames. The board does not report it.
+    """Computes the earliest time of the next frame, which no board reports, from the sent frames.
 
-    A frame may be sent when the board has executed the frame before the last one. The board then
-    executes one frame, and one waits. A hold frame of a stop must always fit into the board's
-    buffer. If it would not fit, the next frame waits for the last one too.
+    The next frame may be sent when the board has executed all frames except the last one. The next
+    frame then waits in the board's buffer. A hold frame of a stop must also fit into the buffer. If
+    it would not fit, the next frame may be sent only when the board has executed all frames.
 
     Args:
         firmware: Firmware of the board.
@@ -39,7 +39,7 @@ class PacingModel:
         return self._done
 
     def step(self, frame: Frame) -> int:
-        """Return the total turn of all servos by a frame [deg]."""
+        """Return the total turn of all servos by a frame, in the unit of the servos."""
         return sum(abs(b - a) for a, b in zip(self._servos, frame.servos, strict=True))
 
     def note_sent(self, frame: Frame, now: float) -> None:
@@ -56,11 +56,11 @@ class PacingModel:
 
 
 def unread_bytes(frame: Frame, waiting: int) -> int:
-    """Return the number of bytes in the board's buffer while it turns the first servo of a frame.
+    """Return the number of bytes in the board's buffer while the first servo of a frame turns.
 
     Args:
         frame: Any frame of the robot; all have the same length.
-        waiting: Number of whole frames after it.
+        waiting: Number of whole frames in the buffer after this frame.
     """
     first_field = len(frame.data) // len(frame.servos)
     return len(frame.data) - first_field + waiting * len(frame.data)

@@ -18,17 +18,17 @@ class ServoReport:
     """The report of a servo.
 
     Attributes:
-        servo: Its id.
-        model: Number of its model.
-        firmware: Version of its firmware.
-        voltage: Voltage of its supply [V].
-        temperature: Its temperature [C].
-        position: Its position [ticks].
-        torque: True if it has torque.
-        errors: Names of the errors that it reports.
-        kept: Values that it stores without power and that a calibration may change, by name: `id`,
-            `baud_rate`, `homing` (its offset, which is subtracted from its position), `least` and
-            `most` (its limits) [ticks], `mode` (`POSITION_MODE` if it moves to positions).
+        servo: Id of the servo.
+        model: Number of the model.
+        firmware: Version of the firmware.
+        voltage: Supply voltage [V].
+        temperature: Temperature of the servo [C].
+        position: Position [ticks].
+        torque: True if the servo has torque.
+        errors: Names of the reported errors.
+        kept: Values that the servo stores without power and that a calibration may change, by name:
+            `id`, `baud_rate`, `homing` (offset that is subtracted from the position), `least` and
+            `most` (limits) [ticks], `mode` (`POSITION_MODE` if the servo moves to positions).
     """
 
     servo: int
@@ -44,13 +44,13 @@ class ServoReport:
 
 @dataclass(frozen=True, slots=True)
 class Found:
-    """The result of a search.
+    """The result of a search for servos.
 
     Attributes:
-        servos: The servos, by id.
+        servos: Reports of the servos that answered, by id.
         damaged: Ids with damaged answers: two servos may have the same id.
         noise: Number of received bytes outside of packets.
-        strangers: Ids in answers to a request for another id, by the requested id.
+        strangers: Wrong ids in answers, by the requested id.
     """
 
     servos: Mapping[int, ServoReport] = field(default_factory=dict)
@@ -77,20 +77,20 @@ class ServoBus(Protocol):
         """Close the port."""
 
     def find(self, ids: Iterable[int]) -> Found:
-        """Request a report from each id. Raises LinkError if the port fails."""
+        """Return the reports of the servos with these ids. Raises LinkError if the port fails."""
 
     def positions(self, ids: Sequence[int]) -> dict[int, int]:
         """Return the positions of the servos that answer [ticks], by id."""
 
     def release(self, ids: Sequence[int]) -> None:
-        """Switch the torque of servos off, and read this back.
+        """Switch the torque of servos off, and check this.
 
         Raises:
             NotReleased: A servo still has torque, or does not answer.
         """
 
     def keep(self, servo: int, values: Mapping[str, int]) -> None:
-        """Write stored values of a servo, by their names in `ServoReport.kept`, and read them back.
+        """Write stored values of a servo, by their names in `ServoReport.kept`, and check them.
 
         Raises:
             NotKept: The servo reads back another value, or does not answer.
@@ -101,22 +101,22 @@ class ServoDriver(Protocol):
     """The additional methods of a driver with `Ability.LIMITS` and `Ability.IDENTIFY`."""
 
     def servo_bus(self, firmware: Firmware, link: Link, clock: Clock) -> ServoBus:
-        """Return the servos on a link that is not open."""
+        """Return a bus on a link that is not open, for requests to single servos."""
 
     def servos(self, joints: Sequence[Joint]) -> dict[str, int]:
-        """Return the id of the servo of each joint, by its name."""
+        """Return the ids of the servos, by the names of their joints."""
 
     def kept(self, joints: Sequence[Joint]) -> dict[str, dict[str, int]]:
-        """Return the values to store in the servo of each joint, as `ServoReport.kept`."""
+        """Return the values that calibrated servos must store, by the names of their joints."""
 
     def calibrated_wire(
         self, joint: Joint, firmware: Firmware, kept: Mapping[str, int], middle: float
     ) -> str:
-        """Return the key `wire` of a calibrated joint, as a table of TOML in one line.
+        """Return the value of the key `wire` of a calibrated joint: a table of TOML in one line.
 
         Args:
-            joint: The joint, with its present wire.
-            firmware: Firmware of its servo.
+            joint: The joint, with its present `wire`.
+            firmware: Firmware of the servo.
             kept: Values that its servo stores, by their names in `ServoReport.kept`.
             middle: Position of the joint in the middle between `least` and `most` [rad].
         """

@@ -7,13 +7,14 @@ BoardError
 ├── ServoTwice                two servos have one id
 ├── ServoSilent               servos stopped answering
 ├── ServoFault                a servo reports an error
-├── TorqueLost                a servo no longer holds
-├── CalibrationMissing        the arm must be calibrated before it moves
+├── TorqueLost                a servo lost its torque
 ├── CalibrationDiffers        stored values of a servo differ from the calibration file
 ├── WrongMode                 a servo does not move to positions
 ├── SeamInside                a joint passes the seam of its servo's turn
 ├── NotKept                   a servo does not store a written value
 └── NotReleased               a servo still has torque after it was switched off
+
+CalibrationMissing is a HardwareError: the arm must be calibrated before it moves.
 """
 
 import math
@@ -51,7 +52,7 @@ class NoServos(BoardSilent):
 
     def __init__(self, port: str, seconds: float, noise: int) -> None:
         advice = (
-            f"It received {noise} bytes that are not packets: the baud rate is wrong, another "
+            f"The {noise} received bytes are not packets: the baud rate is wrong, another "
             f"device is on this port, or two servos have one id. {_DOCTOR}"
         )
         super().__init__(port, seconds, "the position of any servo", advice)
@@ -119,14 +120,14 @@ class ServoSilent(BoardError):
 
 @dataclass(frozen=True, slots=True)
 class ServoHealth:
-    """Measured values of a servo, and its own limits.
+    """Measured values of a servo, and the limits that the servo stores.
 
     Attributes:
-        load: Its load, as a share of the largest torque of its series.
-        most_load: Limit of its load.
-        celsius: Its temperature [C].
-        most_celsius: Limit of its temperature [C].
-        volts: Voltage of its supply [V].
+        load: Load, as a share of the largest torque of the series.
+        most_load: Limit of the load.
+        celsius: Temperature [C].
+        most_celsius: Limit of the temperature [C].
+        volts: Supply voltage [V].
         least_volts: Lower limit of the voltage [V].
         most_volts: Upper limit of the voltage [V].
     """
@@ -147,7 +148,7 @@ class ServoHealth:
         )
 
     def reading(self, error: str) -> tuple[float, float]:
-        """Return the value that an error is about, and its limit; NaN if there is none."""
+        """Return the value that causes an error, and its limit; both NaN if none is measured."""
         low = self.volts < self.least_volts
         return {
             "voltage": (self.volts, self.least_volts if low else self.most_volts),
@@ -161,8 +162,8 @@ class ServoFault(BoardError):
 
     Attributes:
         joint: Name of the joint.
-        value: The value of the first error that is about one; NaN if there is none.
-        limit: Its limit; NaN if there is none.
+        value: Value that causes the first error with a measured cause; NaN if no error has one.
+        limit: Limit of this value; NaN if no error has one.
     """
 
     code = "hw.servo_fault"
@@ -189,9 +190,9 @@ class TorqueLost(BoardError):
     def __init__(self, servo: int, joint: str) -> None:
         super().__init__(
             f"Servo {servo} of {joint} no longer holds, although its torque was switched on: "
-            "gravity moves the joint. A dip of its supply restarts a servo, and another program "
-            "may switch it off. Support the arm, check the supply and its cables, or limit "
-            "acceleration_sum in the robot file, then run again"
+            "gravity moves the joint. A drop of its supply voltage restarts a servo; another "
+            "program may also switch the torque off. Support the arm, check the supply and its "
+            "cables, or limit acceleration_sum in the robot file, then run again"
         )
 
 
@@ -205,7 +206,7 @@ class CalibrationMissing(HardwareError):
     def __init__(self, path: Path, expected: Path, command: str) -> None:
         super().__init__(
             f"{path} needs a calibration, and {expected} does not exist. Write it with `{command}`;"
-            " `--import FILE` imports one of LeRobot. The port virtual needs none"
+            " `--import FILE` imports a calibration by LeRobot. The port virtual needs none"
         )
 
 
@@ -217,28 +218,28 @@ class CalibrationDiffers(BoardError):
 
     def __init__(self, servo: int, joint: str, name: str, kept: int, expected: int) -> None:
         super().__init__(
-            f"Servo {servo} of {joint} keeps {name} = {kept}; the calibration file has {expected}. "
-            "The file is of another arm, or another program calibrated this arm. Connect the right "
-            "arm, or run `armtree calibrate --robot ROBOT --port PORT`"
+            f"Servo {servo} of {joint} stores {name} = {kept}; the calibration file has {expected}."
+            " The file belongs to another arm, or another program calibrated this arm. Connect the "
+            "right arm, or run `armtree calibrate --robot ROBOT --port PORT`"
         )
 
 
 class WrongMode(BoardError):
-    """A servo is in a mode in which it does not move to positions, such as that of a wheel."""
+    """A servo is not in the mode for positions, but for example in the mode for wheels."""
 
     code = "hw.servo_mode"
     hint = "`armtree calibrate`"
 
     def __init__(self, servo: int, joint: str, mode: int) -> None:
         super().__init__(
-            f"Servo {servo} of {joint} is in the mode {mode}, and not in that for positions (0): "
-            "with torque it may turn without end. Another program has set this; "
-            "`armtree calibrate --robot ROBOT --port PORT` sets it back"
+            f"Servo {servo} of {joint} is in the mode {mode}, and not in the mode for positions "
+            "(0): with torque it may turn without end. Another program has set this mode; "
+            "`armtree calibrate --robot ROBOT --port PORT` sets mode 0"
         )
 
 
 class SeamInside(BoardError):
-    """A joint passes the seam of its servo's turn, where positions jump."""
+    """The range of a joint contains the seam of its servo, where the position jumps to 0."""
 
     code = "hw.seam_inside"
     hint = "`armtree calibrate --centre`"
@@ -252,8 +253,8 @@ class SeamInside(BoardError):
         )
         super().__init__(
             f"The range of {', '.join(joints)} contains the seam of its servo, where the position "
-            f"jumps from {last} to 0, or it is a whole turn. Nothing was written. {way}; do not "
-            "turn a joint by more than a turn"
+            f"jumps from {last} to 0, or the range is a whole turn. Nothing was written. {way}; do "
+            "not turn a joint by more than a turn"
         )
 
 
@@ -267,8 +268,7 @@ class NotKept(BoardError):
         reads = "does not answer" if kept is None else f"reads back {kept}"
         super().__init__(
             f"{name} = {value} was written to servo {servo}, which {reads}. Check the cable and "
-            "the power, then run `armtree calibrate --restore`, which writes the values that were "
-            "there before"
+            "the power, then run `armtree calibrate --restore`, which writes the earlier values"
         )
 
 
@@ -281,7 +281,7 @@ class NotReleased(BoardError):
     def __init__(self, servos: Iterable[int]) -> None:
         named = ", ".join(map(str, servos))
         super().__init__(
-            f"The torque was switched off, but these servos do not report that: {named}. Nothing "
+            f"The torque was switched off, but these servos do not confirm it: {named}. Nothing "
             "was written. The other servos have no torque: hold the arm. Check the cables and the "
-            "power, then run this again"
+            "power, then run the command again"
         )

@@ -7,7 +7,7 @@ BITS_PER_BYTE = 10  # 8N1: start bit, eight data bits, stop bit
 
 
 class Link(Protocol):
-    """A byte stream to a board. Opening it resets most boards, which may move the arm."""
+    """A byte stream to a board. Opening the link resets most boards, which may move the arm."""
 
     @property
     def port(self) -> str:

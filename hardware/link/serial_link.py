@@ -61,7 +61,7 @@ class SerialLink:
         """Open the port and lock its device. The kernel releases the lock if this process ends.
 
         Raises:
-            LinkError: The port cannot be opened. The message names it and what to do.
+            LinkError: The port cannot be opened. The message names the port and what to do.
         """
         try:
             self._serial = serial.Serial(self.port, self._baud, exclusive=True)

@@ -1,4 +1,4 @@
-"""The serial ports of this machine. They are examined without opening them."""
+"""The serial ports of this machine. This module checks ports without opening them."""
 
 import grp
 import os
@@ -112,7 +112,7 @@ def _is_terminal(status: os.stat_result) -> bool:
 
 def _check_permission(port: str) -> Check:
     if os.access(port, os.R_OK | os.W_OK):
-        return Check("permission", True, "this user may read and write it")
+        return Check("permission", True, "this user may read and write the port")
     group = group_of(port)
     remedy = f"type `sudo usermod -aG {group} $USER` and log in again"
     if vendor := usb_id(port).partition(":")[0]:
@@ -130,7 +130,7 @@ def usb_id(port: str) -> str:
 
 
 def group_of(port: str) -> str:
-    """Return the group that may use a port; if unknown, `dialout`, as in Debian."""
+    """Return the name of the group that may use a port; if unknown, `dialout`, as in Debian."""
     try:
         return grp.getgrgid(os.stat(port).st_gid).gr_name
     except (OSError, KeyError):
@@ -152,6 +152,6 @@ def owner_of(port: str) -> int | None:
 def _check_free(port: str) -> Check:
     owner = owner_of(port)
     if owner is None:
-        return Check("ours alone", True, "no other program has locked it")
+        return Check("ours alone", True, "no other program has locked the port")
     who = f"the program with process id {owner}"
-    return Check("ours alone", False, f"{who} has it", "end that program", PortBusy.code)
+    return Check("ours alone", False, f"{who} uses it", "end that program", PortBusy.code)

@@ -26,7 +26,7 @@ class TimedLink:
 
     Args:
         link: The link of the driver.
-        clock: Time source. Simulated time stands still during a call that does not wait on it.
+        clock: Time source. A simulated clock stops during a call that does not wait on the clock.
     """
 
     def __init__(self, link: Link, clock: Clock) -> None:
@@ -92,10 +92,10 @@ class TimedLink:
     def _in_time(self, done: Future[None], waits: int) -> bool:
         """Return True when a call has returned, or False if it does not return in time.
 
-        A call that begins late, on a busy machine, has the whole time from then on.
+        On a busy machine a call may begin late. The time counts from the beginning of the call.
 
         Args:
-            done: The call. Its exception is raised.
+            done: Future of the call. An exception of the call is raised.
             waits: Longest time, as a number of waits of `_WAIT`.
         """
         begun, left = False, waits

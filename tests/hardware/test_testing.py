@@ -162,9 +162,9 @@ def test_a_driver_that_measures_wrongly_does_not_keep_the_contract(
 @pytest.mark.parametrize(
     ("name", "method", "why"),
     [
-        ("poll", never_silent, "its faults are"),
+        ("poll", never_silent, "the arm has faults"),
         ("hold_commands", lambda self: b"", "no command holds"),
-        ("hold_commands", lambda self: self._wires.frame([2048] * 4).data, "after the fault at"),
+        ("hold_commands", lambda self: self._wires.frame([2048] * 4).data, "the arm moved from"),
     ],
 )
 def test_a_driver_that_ignores_silence_does_not_keep_the_contract(

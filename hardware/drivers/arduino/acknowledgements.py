@@ -1,4 +1,4 @@
-"""Acknowledgements: compares the reports of the board with the frames sent to it.
+"""Acknowledgements: reports of the board about frames, which are compared with the sent frames.
 
 `firmware/README.md` describes the protocol.
 """
@@ -36,7 +36,7 @@ class Acknowledgements(BoardProtocol):
     Args:
         codec: Wire format of the robot.
         firmware: Firmware that the robot file names.
-        known: All firmwares with banners.
+        known: All firmwares. Those with banners are recognised.
         robot_file: The robot file, for messages.
     """
 
@@ -60,7 +60,7 @@ class Acknowledgements(BoardProtocol):
         """Check that the banner was received."""
         if self._banner and not self.boot_frame:
             what = f"that it runs the firmware {self._firmware.name}"
-            advice = "Flash it, or name the board's firmware in the robot file"
+            advice = "Flash the board, or name its firmware in the robot file"
             resets = "opening the port must reset the board"
             raise BoardSilent(port, waited, what, f"{advice}; {resets}")
 
@@ -81,7 +81,7 @@ class Acknowledgements(BoardProtocol):
         """Process bytes from the board. Damaged lines are ignored.
 
         Raises:
-            BoardReset: The board restarted, so its pose was not commanded.
+            BoardReset: The board restarted, so its servos may have moved.
             FrameLost: The received frames differ from the sent ones.
             WrongFirmware: The robot file names another firmware.
         """
@@ -127,7 +127,7 @@ class Acknowledgements(BoardProtocol):
         expected = [self._pending.popleft() for _ in range(known)]
         self.acknowledged += new
         if new:
-            self._silent = -1  # the next poll may come too soon to count
+            self._silent = -1  # so that the next poll, which may come soon, does not count
         if not self._pending:
             self.next_poll = math.inf
         if new and (known < new or expected[-1] != total):

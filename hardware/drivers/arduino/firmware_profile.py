@@ -5,7 +5,7 @@ from pathlib import Path
 
 from hardware.drivers.firmware_profile import Firmware, Words
 
-# What avrdude writes into a board, for `firmware = "armtree"`.
+# File that avrdude writes to a board, for `firmware = "armtree"`.
 HEX_FILE = Path(__file__).parent / "firmware" / "armtree.hex"
 
 
@@ -14,11 +14,10 @@ class ArduinoFirmware(Firmware):
     """The profile of a firmware for an Arduino.
 
     Attributes:
-        banner: First bytes of the line that the board sends after booting. The line ends with the
-            frame that the board holds; a reset does not change this frame. A firmware with a banner
-            also acknowledges frames, as `firmware/README.md` describes. Empty if the board sends
-            nothing.
-        letters: Letters of its frames' fields, in order; empty if they depend on the robot.
+        banner: First bytes of the line that the board sends after booting; empty if it sends
+            nothing. The line ends with the frame that the board holds, which a reset does not
+            change. A firmware with a banner also acknowledges frames; see `firmware/README.md`.
+        letters: Letters of the fields of a frame, in order; empty if they depend on the robot.
     """
 
     banner: bytes = b""
@@ -54,7 +53,7 @@ STOCK = ArduinoFirmware(
     words=_WORDS,
 )
 # The firmware of armtree stores a frame, and timers move the servos. A frame therefore needs only
-# its time on the line. `max_step` is that of the sketch, because it bounds the motion after a stop.
+# its time on the line. `max_step` is the same as for the sketch: it bounds the motion after a stop.
 ARMTREE = ArduinoFirmware(
     "armtree",
     rate=50.0,

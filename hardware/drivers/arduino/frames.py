@@ -16,9 +16,9 @@ ANGLE_MAX = 180  # largest angle of a servo [deg]
 
 @dataclass(frozen=True, slots=True)
 class WireField:
-    """The encoding of one joint in a frame, in servo degrees.
+    """The encoding of one joint in a frame, as a servo angle in degrees.
 
-    The angle is `trunc((sign * q + offset) * 180 / span)`, or 180 minus that if `reversed`.
+    The angle is `trunc((sign * q + offset) * 180 / span)`, or 180 minus this value if `reversed`.
 
     Attributes:
         letter: Letter of the servo in a frame.

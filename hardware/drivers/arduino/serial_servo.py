@@ -20,7 +20,7 @@ from .virtual.board import Board
 
 @dataclass(frozen=True)
 class SerialServo:
-    """The wire format of the published sketch, which the firmware of armtree uses too."""
+    """The driver. The published sketch and the firmware of armtree use the same wire format."""
 
     @property
     def firmwares(self) -> Mapping[str, Firmware]:
@@ -28,7 +28,7 @@ class SerialServo:
         return FIRMWARES
 
     def wire(self, joint: TomlTable, lower: float, upper: float) -> WireField:
-        """Read a joint's field of the frame."""
+        """Read the encoding of a joint in a frame from the key `wire` of its table."""
         table = joint.table("wire")
         letter = table.text("letter")
         if len(letter) != 1 or not ("a" <= letter <= "z"):
@@ -61,32 +61,32 @@ class SerialServo:
         frame = codec.frame([0] * len(joints))
         if unread_bytes(frame, waiting=1) > firmware.ring:
             what = f"frames of {len(joints)} joints are too long for the {firmware.ring} bytes"
-            root.fail("joints", f"{what} that {firmware.name} can hold; a stop would not fit")
+            root.fail("joints", f"{what} that {firmware.name} can store; a stop would not fit")
 
     def wire_format(self, joints: Sequence[Joint], firmware: Firmware) -> Codec:
-        """Return the codec of these joints."""
+        """Return the wire format of these joints."""
         return Codec(joints)
 
     def protocol(
         self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path
     ) -> Acknowledgements:
-        """Return the acknowledgements of a firmware. The published sketch sends none."""
+        """Return the protocol of a firmware. The published sketch acknowledges no frames."""
         assert isinstance(firmware, ArduinoFirmware)
         return Acknowledgements(Codec(joints), firmware, FIRMWARES.values(), robot_file)
 
     def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
-        """Return a serial port."""
+        """Return a link over a serial port."""
         return SerialLink(port, baud)
 
     def model(self, joints: Sequence[Joint], firmware: Firmware, baud: int) -> Board:
-        """Return an Arduino with its program."""
+        """Return a model of an Arduino with its program."""
         codec = Codec(joints)
         boot_angles = codec.encode([joint.boot for joint in joints]).servos
         return Board(codec.letters, boot_angles, firmware, baud)
 
 
 def _is_servo_angle(field: WireField, limit: float) -> bool:
-    """Return True if a position limit [rad] is an angle from 0 to 180 degrees."""
+    """Return True if a position limit [rad] encodes to a servo angle from 0 to 180 degrees."""
     try:
         return 0 <= servo_angle(field, limit) <= ANGLE_MAX
     except (ArithmeticError, ValueError):  # an infinite limit, or a span near 0

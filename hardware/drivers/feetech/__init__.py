@@ -1,1 +1,1 @@
-"""The driver of bus servos by Feetech: STS3215 and its relatives."""
+"""The driver of bus servos by Feetech: STS3215 and similar servos."""

@@ -22,7 +22,7 @@ from .wire_format import ServoFormat, ServoWire
 
 _RATE, _MOST_RATE = 50.0, 100.0  # [Hz]
 _LOST_ANSWERS = 5  # lost answers of a servo in a row that are a fault
-# Largest total step of one frame at the default rate [ticks]; six servos at top speed need 408.
+# Largest total turn by one frame at the default rate [ticks]; six servos at top speed need 408.
 _MAX_STEP = 400
 _GRAVITY = 0.2  # load of a joint of the model, as a share of the largest torque
 
@@ -30,8 +30,8 @@ _WORDS = Words(
     board="servo bus",
     unit="ticks",
     reset_effect="stays where it is",
-    advice_outside="turn it inwards by hand, with the power off if it holds; or calibrate again "
-    "with `armtree calibrate --robot ROBOT --port PORT`",
+    advice_outside="turn the joint inwards by hand, with the power off if it holds; or calibrate "
+    "again with `armtree calibrate --robot ROBOT --port PORT`",
 )
 
 
@@ -67,7 +67,7 @@ class Feetech:
         return FIRMWARES
 
     def wire(self, joint: TomlTable, lower: float, upper: float) -> ServoWire:
-        """Read a joint's servo."""
+        """Read the servo of a joint from the key `wire` of its table."""
         table = joint.table("wire")
         wire = ServoWire(
             servo=table.integer("id", choices=range(LAST_ID + 1)),
@@ -93,13 +93,13 @@ class Feetech:
                 table.fail(joint.name, what)
             taken[wire.servo] = joint.name
             if joint.unit != "rad":
-                table.fail(joint.name, "slides; this driver moves joints that turn")
+                table.fail(joint.name, "is prismatic; this driver moves only joints that turn")
             for limit in (joint.lower, joint.upper):
                 ticks = wires.ticks(wire, limit) if math.isfinite(limit) else -1
                 if not 0 <= ticks < series.ticks:
                     where = f"servo {wire.servo} cannot reach the limit {joint.words(limit)}"
                     turn = f"{series.turn:g} deg, with the middle at {joint.words(-wire.offset)}"
-                    table.fail(joint.name, f"{where}: it turns {turn}; narrow that in the URDF")
+                    table.fail(joint.name, f"{where}: it turns {turn}; change limits in the URDF")
 
     def wire_format(self, joints: Sequence[Joint], firmware: Firmware) -> ServoFormat:
         """Return the wire format of a series."""
@@ -108,12 +108,12 @@ class Feetech:
     def protocol(
         self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path
     ) -> BusProtocol:
-        """Return the protocol of a bus: its requests and answers."""
+        """Return the protocol of a bus with these joints."""
         wires = self.wire_format(joints, firmware)
         return BusProtocol(wires, firmware.lost_answers, firmware.rate, firmware.silent_time)
 
     def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
-        """Return a serial port."""
+        """Return a link over a serial port."""
         return SerialLink(port, baud)
 
     def model(self, joints: Sequence[Joint], firmware: Firmware, baud: int) -> Bus:
@@ -128,21 +128,21 @@ class Feetech:
         return Bus(servos, baud)
 
     def servo_bus(self, firmware: Firmware, link: Link, clock: Clock) -> FeetechBus:
-        """Return the servos on a link that is not open."""
+        """Return a bus on a link that is not open, for requests to single servos."""
         return FeetechBus(_SERIES[firmware.name], link, clock)
 
     def servos(self, joints: Sequence[Joint]) -> dict[str, int]:
-        """Return the id of the servo of each joint, by its name."""
+        """Return the ids of the servos, by the names of their joints."""
         return {joint.name: _wire(joint).servo for joint in joints}
 
     def kept(self, joints: Sequence[Joint]) -> dict[str, dict[str, int]]:
-        """Return the values to store in the servo of each joint, as `ServoReport.kept`."""
+        """Return the values that calibrated servos must store, by the names of their joints."""
         return {joint.name: dict(_wire(joint).kept) for joint in joints}
 
     def calibrated_wire(
         self, joint: Joint, firmware: Firmware, kept: Mapping[str, int], middle: float
     ) -> str:
-        """Return the key `wire` of a calibrated joint, as a table of TOML in one line."""
+        """Return the value of the key `wire` of a calibrated joint: a table of TOML in one line."""
         wire, series = _wire(joint), _SERIES[firmware.name]
         ticks = (kept["least"] + kept["most"]) / 2 - series.ticks // 2
         offset = wire.sign * ticks * series.turn / series.ticks - math.degrees(middle)

@@ -47,23 +47,23 @@ class Packet:
 
 
 def read(servo: int, address: int, count: int) -> bytes:
-    """Return a request for bytes of one servo's memory."""
+    """Return a request for `count` bytes of a servo's memory."""
     return Packet(servo, Instruction.READ, bytes([address, count])).data
 
 
 def write(servo: int, address: int, values: bytes) -> bytes:
-    """Return a command that writes to one servo's memory. The servo answers."""
+    """Return a command that writes bytes to a servo's memory. The servo answers."""
     return Packet(servo, Instruction.WRITE, bytes([address]) + values).data
 
 
 def sync_read(servos: Sequence[int], address: int, count: int) -> bytes:
-    """Return a request for bytes of several servos' memories. They answer in this order."""
+    """Return a request for bytes of several servos' memories. Servos answer in this order."""
     parameters = bytes([address, count, *servos])
     return Packet(BROADCAST, Instruction.SYNC_READ, parameters).data
 
 
 def sync_write(address: int, values: Mapping[int, bytes]) -> bytes:
-    """Return a command that writes to several servos' memories. They do not answer.
+    """Return a command that writes to several servos' memories. No servo answers.
 
     Args:
         address: First address.
@@ -77,8 +77,8 @@ def sync_write(address: int, values: Mapping[int, bytes]) -> bytes:
 def take_packets(received: bytearray) -> list[Packet]:
     """Remove all whole packets from received bytes and return them. Drops damaged bytes.
 
-    If a checksum is wrong, only the first byte of the packet is dropped. A byte may have been lost,
-    and the next packet may begin inside.
+    If a checksum is wrong, only the first byte of the packet is dropped, because a byte may have
+    been lost and the next packet may begin inside this one.
     """
     found = list[Packet]()
     while (begin := received.find(HEADER)) >= 0:

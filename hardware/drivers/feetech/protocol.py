@@ -29,18 +29,18 @@ from .registers import ERRORS, KEPT, MEMORY, SETTINGS
 from .wire_format import ServoFormat
 
 # Six answers take 1 ms on the line. A USB adapter may delay them by another 16 ms. Answers come one
-# after another: if some came and then none, the rest is lost. The delay of this adapter and host is
-# measured. If no answer comes, the host may be busy, or the adapter may be slow.
+# after another. If no more come after the first ones, the rest is lost, so its timeout is short: it
+# follows the measured delay of this adapter and host. If no answer comes, the host may be busy.
 ANSWER_TIMEOUT = 0.02  # timeout of the first answer; largest timeout of the rest [s]
 _LEAST_TIMEOUT = 0.003  # smallest timeout of the rest [s]
-_TIMES_SLOWEST = 2.0  # timeout of the rest / slowest of the last cycles
+_TIMES_SLOWEST = 2.0  # factor from the time of the slowest of the last cycles to this timeout
 _HOST_LATE = 0.005  # a request later than this may show a busy host, not a silent servo [s]
 _REMEMBERED = 0.99  # factor that the slowest cycle decays by in each cycle
 _IDLE_PERIOD = 0.2  # period of requests while nothing moves [s]
 _SETTLING = 1.0  # time after a frame in which the arm may move [s]
 _TIMES_ALL = 2  # factor of `allowed` if no servo answers: the host or adapter may be busy
 _STATE_PERIOD = 0.1  # period of requests that include the torque [s]
-_LIMP = 5  # answers that may still report no torque after it was switched on
+_LIMP = 5  # number of answers that may report no torque after it was switched on
 _MEASURED = {"position", "speed", "load", "max_torque", "temperature", "voltage", "current"}
 # The answers of two servos with one id may overlap, and look like one answer with a wrong position.
 _FASTEST, _PLAY = 360.0, 2.0  # largest speed of a servo [deg/s], and error of its position [deg]
@@ -53,9 +53,9 @@ class BusProtocol(BoardProtocol):
 
     Args:
         wires: Wire format of the joints.
-        allowed: Lost answers of a servo in a row that are a fault.
+        allowed: Number of lost answers of a servo in a row that are a fault.
         rate: Rate of frames, and of requests while the arm may move [Hz].
-        silent_time: Time since the last answered request after which late requests count, too [s].
+        silent_time: If a servo has not answered for this time, late requests count, too [s].
     """
 
     def __init__(self, wires: ServoFormat, allowed: int, rate: float, silent_time: float) -> None:
@@ -63,8 +63,8 @@ class BusProtocol(BoardProtocol):
         self._allowed, self._rate, self._silent_time = allowed, rate, silent_time
         self._joints = {servo: joint for joint, servo in wires.servos.items()}
         kept, self._state, self._cycle = self._series.blocks
-        # The next requests; after them, only the cycle repeats. The first one shows best that two
-        # servos have one id. The last one has the values that an error is about.
+        # Blocks to request next; after them, only the block `_cycle` is requested. The first block
+        # shows best if two servos have one id. The last block has the values behind an error.
         self._asked = [self._state, kept, self._state]
         self._received = bytearray()
         self._unasked = list[int]()  # servos that have not got their part of the last request
@@ -93,7 +93,7 @@ class BusProtocol(BoardProtocol):
         self.next_poll = -math.inf  # request the positions at once
 
     def check_booted(self, port: str, waited: float) -> None:
-        """Check that all servos answered, their modes, and their values of the calibration."""
+        """Check that all servos answered, and check their modes and calibrated values."""
         if not self._heard and self._noise:
             raise NoServos(port, waited, self._noise)
         if not self.boot_frame:
@@ -121,9 +121,10 @@ class BusProtocol(BoardProtocol):
     def torque_commands(self, on: bool) -> Sequence[bytes]:
         """Return the commands that release the servos, or hold them at their positions.
 
-        The goal comes before the torque. The settings of other programs come after the goal,
-        because a servo may be on its way to another one. The largest torque rises slowly from its
-        present value, if the series can limit it. A joint outside its limits then moves to them.
+        The goals are sent before the torque is switched on. Settings of other programs are reset
+        after the goals, because a servo may still move to an earlier goal. The torque limit rises
+        slowly from its present value, if the series has one. Then joints outside their limits move
+        to these limits.
         """
         self._holds = on
         if not on:
@@ -136,18 +137,18 @@ class BusProtocol(BoardProtocol):
         return commands
 
     def _ramp(self) -> list[bytes]:
-        """Return the commands that raise the torque; none if it is not limited."""
+        """Return the commands that raise the torque limit; empty if the series has none."""
         if "torque_limit" not in self._series.registers:
             return []
         most, holding = self._values("max_torque"), self._values("torque_enable")
-        # A program that ended while the torque rose has left a small limit.
+        # A program that ended before the torque limit had risen has left a small one.
         present = self._values("torque_limit")
         lows = [low if holds else 0 for low, holds in zip(present, holding, strict=True)]
         steps = round(_RAMP * self._rate) if lows != most else 0
         return [self._wires.command("torque_limit", each) for each in _line(lows, most, steps)]
 
     def _ways_in(self, frame: Frame) -> list[bytes]:
-        """Return the commands that move joints from a frame to their limits; often none."""
+        """Return the commands that move the joints of a frame inside their limits; often none."""
         there = self._wires.encode(self._wires.decode(frame)).servos
         pairs = zip(frame.servos, there, strict=True)
         farthest = max(abs(b - a) for a, b in pairs) * self._series.turn / self._series.ticks
@@ -156,7 +157,7 @@ class BusProtocol(BoardProtocol):
 
     @property
     def _settings(self) -> bytes:
-        """Commands that reset settings of other programs."""
+        """Commands that reset the settings that other programs may have left."""
         registers = self._series.registers.items()
         initial = {name: register.initial for name, register in registers if name in SETTINGS}
         commands = (self._wires.command(n, [v] * len(self._joints)) for n, v in initial.items())
@@ -176,9 +177,9 @@ class BusProtocol(BoardProtocol):
             self.next_poll = now
 
     def poll(self, now: float) -> bytes:
-        """Return a request to all servos, after the answers or the timeout of the last one.
+        """Return a request to all servos, after the answers or timeout of the last request.
 
-        A series without SYNC READ gets it in parts: one request to each servo, one after another.
+        For a series without SYNC READ, the request is sent in parts: one part to each servo.
 
         Raises:
             ServoSilent: Servos did not answer several requests in a row.
@@ -222,9 +223,9 @@ class BusProtocol(BoardProtocol):
         self._unasked = list(self._joints)
 
     def _silence(self, cycles: Mapping[int, int]) -> ServoSilent:
-        """Return the fault of silent servos, with the numbers of their requests in a row."""
+        """Return the fault of silent servos. `cycles` has their unanswered requests in a row."""
         silent = [servo for servo in self._joints if servo in cycles]
-        # A servo whose answers are only doubtful is not named beside those that do not answer.
+        # A servo with doubtful answers is only named if no servo is without an answer.
         silent = [servo for servo in silent if servo in self._waiting] or silent
         names = [f"{servo} of {self._joints[servo]}" for servo in silent]
         least = min(cycles[servo] for servo in silent)
@@ -264,7 +265,7 @@ class BusProtocol(BoardProtocol):
         if self._unasked:
             self._note_duration(now)
             self.next_poll = now
-        # Before the boot no frame waits for the line.
+        # Before the end of the boot, no frame waits for the line.
         elif self._waiting and not self.boot_frame:
             self.free_at = self.next_poll = now + ANSWER_TIMEOUT
         elif self._waiting:
@@ -275,7 +276,7 @@ class BusProtocol(BoardProtocol):
         else:
             self._note_duration(now)
             rests = self._holds and now > self._settles
-            # After a doubtful answer, the servo may still send its own.
+            # After a doubtful answer, another answer may still come.
             self.free_at = min(self.free_at, now + rest) if self._doubtful else -math.inf
             self.next_poll = now + (_IDLE_PERIOD if rests else 1 / self._rate)
             self._take_answers(now)
@@ -291,7 +292,7 @@ class BusProtocol(BoardProtocol):
     def _process(self, packet: Packet) -> None:
         servo, (first, count) = packet.servo, self._block
         whole = len(packet.parameters) == count
-        values_next = len(self._asked) > 1  # an error is reported with the value that it is about
+        values_next = len(self._asked) > 1  # the next request reads the values behind an error
         if packet.code and not (whole and values_next):
             names = [name for bit, name in ERRORS.items() if packet.code & bit]
             memory = bytearray(self._memories[servo])
@@ -300,8 +301,8 @@ class BusProtocol(BoardProtocol):
             before = abs(self._series.unpack("load", self._memories[servo]))
             health = self._health(memory, before)
             raise ServoFault(servo, self._joints[servo], names, health)
-        if whole:  # else it answers another request
-            # Servos answer in turn: an answer before its turn is for the request before.
+        if whole:  # else the packet answers another request
+            # Servos answer in turn: an answer before its turn is for the previous request.
             turns = list(self._joints)
             self._doubtful |= self._answers.keys() & turns[turns.index(servo) :]
             self._waiting.discard(servo)
@@ -323,9 +324,9 @@ class BusProtocol(BoardProtocol):
         return degrees > _FASTEST * (self._requested - self._replied[servo]) + _PLAY
 
     def _health(self, memory: bytearray, load_before: int) -> ServoHealth:
-        """Return what a servo's memory has of its health.
+        """Return the health of a servo from its memory.
 
-        An overloaded servo lets go, so the load just before [0.1 %] may be the one that counts.
+        An overloaded servo lets the joint go, so `load_before` [0.1 %] may be the true cause.
         """
 
         def value(register: str) -> int:
@@ -342,7 +343,7 @@ class BusProtocol(BoardProtocol):
         )
 
     def _take_answers(self, now: float) -> None:
-        """Process the answers of all servos to one request. If one is doubtful, repeat it."""
+        """Process the answers of all servos. If an answer is doubtful, the request is repeated."""
         self._store_answers()
         if self._doubtful:
             return
@@ -374,7 +375,7 @@ class BusProtocol(BoardProtocol):
         self._answers = {}
 
     def _check_torque(self) -> None:
-        """Check that the servos have torque, some answers after the command and later."""
+        """Check that the servos have torque. The first answers after the command may have none."""
         for servo, holds in zip(self._joints, self._values("torque_enable"), strict=True):
             if holds:
                 self._limp[servo] = 0
@@ -389,7 +390,7 @@ class BusProtocol(BoardProtocol):
 
 
 def _line(start: Sequence[int], end: Sequence[int], steps: int) -> list[list[int]]:
-    """Return the values after each of some equal steps from the start to the end."""
+    """Return the rows of values after each of `steps` equal steps from the start to the end."""
     parts = range(1, steps + 1)
     pairs = list(zip(start, end, strict=True))
     return [[a + (b - a) * part // steps for a, b in pairs] for part in parts]

@@ -17,8 +17,8 @@ class Register:
     """A value in the memory of a servo.
 
     Attributes:
-        address: Its first address.
-        size: Number of its bytes, 1 or 2.
+        address: First address of the value.
+        size: Number of bytes of the value, 1 or 2.
         sign: Number of the sign bit, or None if the value has no sign. The other bits are the
             magnitude.
         initial: Factory value.
@@ -37,12 +37,12 @@ class Series:
     """A series of servos.
 
     Attributes:
-        name: Its name.
+        name: Name of the series.
         big_endian: True if the high byte of a value comes first.
         sync_read: True if one request can read from several servos.
         ticks: Number of positions.
         turn: Angle of all positions together [deg].
-        registers: Its registers by name. Positions are in ticks, loads in 0.1 % of the largest
+        registers: The registers by name. Positions are in ticks, loads in 0.1 % of the largest
             torque, voltages in 0.1 V, temperatures in degrees Celsius, currents in 6.5 mA.
     """
 
@@ -55,10 +55,10 @@ class Series:
 
     @property
     def blocks(self) -> tuple[tuple[int, int], ...]:
-        """First address and length of three parts of the memory.
+        """First address and length [bytes] of three parts of the memory.
 
         The first part survives without power. The second part begins with the torque. The third
-        part, the end of the second, has the measured values; each cycle reads it.
+        part is the end of the second one. It has the measured values, and each cycle reads it.
         """
         first = [self.registers[name].address for name in ("torque_enable", "position")]
         last = self.registers["current" if "current" in self.registers else "temperature"]
@@ -161,8 +161,8 @@ KEPT = {
     "mode": "mode",
 }
 
-# Settings of a motion that another program may have left. A series may lack the first one. Their
-# initial values limit nothing.
+# Settings that limit motions and that another program may have changed. Their initial values limit
+# nothing. A series may lack the first one.
 SETTINGS = ("acceleration", "goal_time", "goal_speed")
 
 CURRENT_UNIT = 0.0065  # unit of the register `current` [A]

@@ -16,7 +16,7 @@ _TRIES = 3
 
 
 class FeetechBus:
-    """The servos on a link.
+    """A bus with servos on a link, for requests to single servos.
 
     Args:
         series: Series of the servos.
@@ -43,10 +43,10 @@ class FeetechBus:
         self._reader.join()
 
     def find(self, ids: Iterable[int]) -> Found:
-        """Request a report from each id.
+        """Return the reports of the servos with these ids, and signs of problems.
 
-        Answers to a ping are equal, so those of two servos with one id look as one. Their reports
-        differ, and damage each other.
+        Two servos with one id answer a ping with equal bytes, which look like one answer. Their
+        reports differ, and damage each other.
         """
         servos, strangers = dict[int, ServoReport](), dict[int, int]()
         damaged = dict[int, int]()  # number of bytes outside of packets, by id
@@ -62,7 +62,7 @@ class FeetechBus:
         return Found(servos, frozenset(damaged), sum(damaged.values()), strangers)
 
     def _ping(self, servo: int) -> list[Packet]:
-        """Ping a servo, and repeat this once if it does not answer."""
+        """Ping a servo, once more if no byte comes, and return the answers."""
         request, before = Packet(servo, Instruction.PING).data, self._noise
         answers = self._ask(request, 1)
         return self._ask(request, 1) if not answers and self._noise == before else answers
@@ -81,7 +81,7 @@ class FeetechBus:
         }
 
     def release(self, ids: Sequence[int]) -> None:
-        """Switch the torque of servos off, and read this back.
+        """Switch the torque of servos off, and check this.
 
         Raises:
             NotReleased: A servo still has torque, or does not answer.
@@ -92,7 +92,7 @@ class FeetechBus:
             raise NotReleased(holding)
 
     def keep(self, servo: int, values: Mapping[str, int]) -> None:
-        """Write stored values of a servo, and read them back.
+        """Write stored values of a servo, and check them.
 
         A new id applies at once, so it must be the last value.
 
@@ -109,7 +109,7 @@ class FeetechBus:
                 if (kept := self._get(servo, register)) != value:
                     raise NotKept(servo, name, value, kept)
         finally:
-            for each in {first, servo}:  # a new id may not have been taken
+            for each in {first, servo}:  # the servo may not have accepted a new id
                 self._put(each, "lock", 1)
 
     def _report(self, servo: int) -> ServoReport | None:
@@ -145,7 +145,7 @@ class FeetechBus:
         self._answer(servo, write(servo, self._series.registers[register].address, data), 0)
 
     def _answer(self, servo: int, request: bytes, count: int) -> Packet | None:
-        """Return the answer of a servo with this number of parameters; None after some tries."""
+        """Return an answer of a servo with `count` parameters; None after three tries."""
         for _ in range(_TRIES):
             for packet in self._ask(request, 1):
                 if packet.servo == servo and len(packet.parameters) == count:
@@ -153,7 +153,7 @@ class FeetechBus:
         return None
 
     def _ask(self, request: bytes, wanted: int) -> list[Packet]:
-        """Send a request, and return its answers: this number, or fewer after a timeout."""
+        """Send a request, and return its answers: `wanted` answers, or fewer after a timeout."""
         with self._changed:
             self._received.clear()
         self._link.write(request)

@@ -17,9 +17,10 @@ class ServoWire:
     """The conversion of one joint: `ticks = middle + sign * (q + offset)`, scaled to ticks.
 
     Attributes:
-        servo: Id of its servo.
+        servo: Id of the joint's servo.
         sign: +1 or -1.
-        offset: Added to the joint position [rad]. At 0 the servo is in the middle of its turn.
+        offset: Added to the joint position [rad]. If the sum is 0, the servo is in the middle of
+            its turn.
         kept: Values that a calibrated servo must store: its offset and limits [ticks] and its mode,
             by their names in `ServoReport.kept`.
     """
@@ -52,7 +53,7 @@ class ServoFormat:
 
     @property
     def kept(self) -> list[tuple[str, str, int]]:
-        """Joint, name and value of everything that calibrated servos must store."""
+        """Joint, name and value of each value that calibrated servos must store."""
         pairs = zip(self._joints, self._wires, strict=True)
         return [(joint.name, *each) for joint, wire in pairs for each in wire.kept]
 
@@ -90,9 +91,9 @@ class ServoFormat:
         """Return a measurement.
 
         Args:
-            values: Values of the registers for them and of `max_torque`, one per joint. The
-                effort is a part of `max_torque`, because a servo pushes no more. A series may lack
-                the register `current`.
+            values: Values by the names of the measured registers and of `max_torque`, one per
+                joint. The effort is a part of `max_torque`, because a servo pushes no more. A
+                series may lack the register `current`.
             lost: Number of lost answers of each servo.
         """
         signs = [wire.sign for wire in self._wires]

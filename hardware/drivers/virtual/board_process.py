@@ -20,11 +20,11 @@ _PROGRAM = f"{__package__}.program"
 
 
 class BoardProcess:
-    """The process of a virtual board. A client can open its port at once, while the process starts.
+    """The process of a virtual board. A client can open the port at once, before the process runs.
 
     Args:
-        model: The board. The process has its own copy of it.
-        baud: Speed of its line [bit/s]. Bytes at another speed are lost. None accepts any speed.
+        model: Model of the board. The process gets a copy.
+        baud: Speed of the line [bit/s]. Bytes at another speed are lost. None accepts any speed.
 
     Attributes:
         port: Name of the pseudo-terminal.
@@ -56,7 +56,7 @@ class BoardProcess:
         return self.call("state")
 
     def call(self, method: str, *arguments: object) -> Any:
-        """Call a method of the board with the time and arguments, and return its result.
+        """Call a method of the model with the time and these arguments, and return its result.
 
         Raises:
             LinkError: The process has ended.
@@ -69,7 +69,7 @@ class BoardProcess:
             self._process.stdin.flush()
             return pickle.loads(base64.b64decode(self._process.stdout.readline()))
         except (OSError, ValueError, EOFError):  # a broken or closed pipe, or no answer
-            raise LinkError(self.port, "the virtual board has ended") from None
+            raise LinkError(self.port, "the virtual board has ended; activate again") from None
 
     def close(self) -> None:
         """End the process, as if the cable were disconnected. Does nothing if it has ended."""
@@ -86,7 +86,7 @@ class VirtualLink:
         baud: Speed of the line [bit/s].
 
     Attributes:
-        board: The process of the board while it is switched on.
+        board: The process of the board; None while the board is switched off.
     """
 
     port = VIRTUAL

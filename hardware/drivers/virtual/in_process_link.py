@@ -1,4 +1,4 @@
-"""Links without a port, on the injected clock: to a virtual board in this process, or to none."""
+"""Links without a port: to a virtual board in this process, and one without a board."""
 
 from typing import Generic, TypeVar
 
@@ -85,7 +85,7 @@ class BoardLink(Generic[Model]):
 
 
 class NullLink:
-    """A link without a board: it accepts all bytes and never answers.
+    """A link without a board. The link accepts all bytes and returns none.
 
     Args:
         clock: Time source.

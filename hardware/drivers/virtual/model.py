@@ -15,7 +15,7 @@ class BoardModel(Protocol):
         """Open the port, which resets most boards. Unread output is lost."""
 
     def receive(self, data: bytes, now: float) -> None:
-        """Put bytes on the line to the board. They arrive one by one, at its speed."""
+        """Put bytes on the line to the board. They arrive one by one, at the speed of the line."""
 
     def cut_off(self, now: float) -> None:
         """Drop the bytes that have not arrived."""

@@ -1,8 +1,8 @@
 """The process of a virtual board.
 
-It serves a pseudo-terminal that it inherits. Every line on its standard input is the name of a
-method of the board with its arguments, pickled in base64. The process answers with the result in
-the same form. It ends when its standard input ends.
+The process serves a pseudo-terminal that it inherits. Every line on the standard input is the name
+of a method of the board with arguments, pickled in base64. The process answers with the result in
+the same form. The process ends when the standard input ends.
 """
 
 import base64
@@ -24,7 +24,7 @@ _NICE = -10  # niceness that the process requests
 
 
 class _Server:
-    """Runs a board in real time: transfers bytes between the pseudo-terminal and the board."""
+    """Runs a board in real time. It transfers bytes between the pseudo-terminal and the board."""
 
     def __init__(self, board: BoardModel, master: int, baud: int) -> None:
         self._board, self._clock = board, RealClock()
@@ -97,7 +97,7 @@ class _Server:
 
 
 def main() -> None:
-    """Run a board. Its arguments are a pseudo-terminal, a model in base64, and a speed."""
+    """Run a board. Arguments: handle of the pseudo-terminal, model in base64, speed [bit/s]."""
     with contextlib.suppress(OSError):  # so that the board answers in time on a busy host
         os.setpriority(os.PRIO_PROCESS, 0, _NICE)
         Path("/proc/self/autogroup").write_text(str(_NICE))  # the process has a session of its own

@@ -275,7 +275,7 @@ def test_the_file_of_another_arm_is_named_before_it_is_replaced(arm: Arm, tmp_pa
             assert terminal.end()[0] == 0
         with other.calibrate(*imported) as terminal:
             other.hold(terminal)
-            terminal.until("keeps homing = -88; the calibration file has 10", "To use --restore")
+            terminal.until("stores homing = -88; the calibration file has 10", "To use --restore")
             terminal.type("n\r")
             assert terminal.end()[0] == 130
         with other.calibrate("--restore") as terminal:
@@ -345,7 +345,7 @@ def test_a_release_that_fails_after_some_servos_says_to_hold_the_arm(arm: Arm) -
         terminal.type("y\r")
         status, printed = terminal.end()
         shown = " ".join(printed.split())
-        assert (status, "do not report that: 4. Nothing was written" in shown) == (6, True)
+        assert (status, "do not confirm it: 4. Nothing was written" in shown) == (6, True)
         assert "Servos have no torque: hold the arm." in shown
     assert [*arm.board.state().torque.values()][:3] == [False] * 3
 

@@ -118,7 +118,7 @@ def test_commands_use_the_files(project: Path) -> None:
         ("recording_timeout = nan", ":1: recording_timeout: nan is not allowed"),
         ('policy = "quue"', ":1: policy: 'quue' is not one of "),
         ('\nserver = "arm"', ":2: server: 'arm' is not the URL of a server"),
-        ("port = ", "armtree.toml:1: this is no value; a text needs quotes"),
+        ("port = ", "armtree.toml:1: this is not a value; a text needs quotes"),
         ("port = '\xff'".encode("latin-1"), "armtree.toml: is not UTF-8 text"),
     ],
 )

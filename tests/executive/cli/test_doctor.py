@@ -200,7 +200,7 @@ def test_a_port_of_another_armtree(tmp_path: Path) -> None:
     line.vanish()
     os.close(line.slave)
     assert result.exit_code == 9  # as for a run
-    assert f"NO  ours alone  the program with process id {os.getpid()} has it" in result.output
+    assert f"NO  ours alone  the program with process id {os.getpid()} uses it" in result.output
 
 
 def test_a_wrong_robot_file(tmp_path: Path, robot: Path) -> None:
@@ -227,7 +227,7 @@ def test_a_board_that_does_not_start_is_reported_with_the_way_out_once(
     line.vanish()
     os.close(line.slave)
     assert result.exit_code == 6
-    assert "NO  board       The board on port" in result.output
+    assert "NO  board       Within 1 s, the board" in result.output
     assert "see the message" not in result.output
 
 

@@ -108,7 +108,8 @@ def test_pairs_of_links_are_counted_and_missing_visual_meshes_named(folder: Path
     (folder / "arm.urdf").write_text(urdf([f"{each} {far}" for each in ARM[:2]], box + seen))
     said = armtree("new-arm", "arm.urdf").output
     assert "  pairs      3 of links; not checked: 2 adjacent, 1 never\n" in said
-    why = "the mesh gone.stl is not found; copy it there, or correct its path in arm.urdf"
+    advice = "copy the file to that path, or correct the path in arm.urdf"
+    why = f"the mesh gone.stl is not found; {advice}"
     assert f"  shapes     {why}. Only viewers need visual meshes\n" in said
     for command in ("doctor", "check"):
         assert why in armtree(command, "--robot", "arm.toml").output
@@ -252,4 +253,4 @@ def test_the_robots_that_ship_are_listed_and_found_by_name(folder: Path) -> None
     (folder / "armtree.toml").write_text('robot = "so101"')
     assert "wave" in armtree("tasks").output
     wrong = armtree("tasks", "--robot", "so10")
-    assert "there are arduinobot, so101; did you mean so101?" in str(wrong.exception)
+    assert "robots are arduinobot, so101; did you mean so101?" in str(wrong.exception)

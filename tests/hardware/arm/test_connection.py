@@ -100,4 +100,4 @@ def test_a_read_that_ends_while_the_port_is_open_is_a_fault(line: Line) -> None:
     ]
     (fault,) = watch.faults
     assert isinstance(fault, EOFError)
-    assert str(fault) == "its read ended while the port line was open"
+    assert str(fault) == "a read ended while the port line was open"

@@ -96,9 +96,7 @@ def test_a_calibration_that_was_interrupted_keeps_the_first_values(bench: Bench)
 def test_the_values_of_one_arm_are_not_written_to_another(bench: Bench) -> None:
     one, two = bench.arm(offset=5), bench.arm(offset=-88)
     bench.calibrate(one)
-    why = (
-        "Servo 1 of joint_1 keeps homing = -88; the calibration file has 7. The file is of another"
-    )
+    why = "Servo 1 of joint_1 stores homing = -88; the calibration file has 7. The file belongs to"
     with pytest.raises(CalibrationDiffers, match=why):
         bench.restore(two)
     assert kept(two) == [(-88, 0, 4095)] * 4

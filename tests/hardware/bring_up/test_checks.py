@@ -68,15 +68,15 @@ def test_all_servos_are_named_with_their_health(tmp_path: Path) -> None:
         (
             put(1, "id", 9),
             "3 of 4 answer at 1000000 bit/s; missing: 2 (joint_2)",
-            "check servo 2 of joint_2: others behind it answer, so no cable is wrong, but the "
-            "servo or its id, which may be that of another servo; servos answer with ids that no "
-            "joint has: 9. Give them the right ids with armtree calibrate --ids",
+            "check servo 2 of joint_2: servos after it answer, so no cable is broken: the servo is "
+            "defective, its id is wrong, or another servo has the same id; servos answer with ids "
+            "that no joint has: 9. Give them the right ids with armtree calibrate --ids",
         ),
         (
             put(1, "id", 3),  # with the position of servo 3, so that both look as one
             "3 of 4 answer at 1000000 bit/s; missing: 2 (joint_2)",
-            "check servo 2 of joint_2: others behind it answer, so no cable is wrong, but the "
-            "servo or its id, which may be that of another servo",
+            "check servo 2 of joint_2: servos after it answer, so no cable is broken: the servo is "
+            "defective, its id is wrong, or another servo has the same id",
         ),
         (
             lambda bus: [put(k, "id", 11 + k)(bus) for k in range(4)],
@@ -121,7 +121,7 @@ def test_two_servos_with_one_id_are_found(tmp_path: Path) -> None:
 
 def test_a_servo_that_answers_for_another_is_found(tmp_path: Path) -> None:
     checks = found(tmp_path, lambda bus: bus.fail(0.0, Fault("impersonate", 1, 0.0, 2)))
-    assert checks["other ids"].detail == "the answer to a request to servo 1 has the id 2"
+    assert checks["other ids"].detail == "the answer to a request for servo 1 has the id 2"
 
 
 def test_noise_is_not_double_ids(tmp_path: Path) -> None:

@@ -77,7 +77,7 @@ def test_the_calibration_of_another_arm_is_refused_before_anything_moves(tmp_pat
     made.bus.servos[2].put("offset", -7)
     with made.clock.working(), made.arm:
         made.arm.configure()
-        why = "Servo 3 of joint_3 keeps homing = -7; the calibration file has 12. The file"
+        why = "Servo 3 of joint_3 stores homing = -7; the calibration file has 12. The file"
         with pytest.raises(CalibrationDiffers, match=why):
             made.arm.activate()
         assert not any(made.bus.state(made.clock.now()).torque.values())
@@ -87,9 +87,9 @@ def test_the_calibration_of_another_arm_is_refused_before_anything_moves(tmp_pat
     ("old", "new", "why"),
     [
         ("version = 1", "version = 2", "version: 2 is not one of 1"),
-        ('robot = "arduinobot"', 'robot = "so101"', "it calibrates so101, not arduinobot"),
+        ('robot = "arduinobot"', 'robot = "so101"', "the file is for so101, not arduinobot"),
         ("[joints.joint_2]", "[joints.joint_9]", "joint_2"),
-        ("lower_deg = -50.000", "lower_deg = 100.0", "no position is within this range"),
+        ("lower_deg = -50.000", "lower_deg = 100.0", "this range and the limits"),
         ("id = 1", "id = 2", "its servo 2 is already the servo of"),
         ("homing = 12", 'homing = "12"', "joint_1.wire.homing"),
     ],

@@ -39,8 +39,8 @@ def test_a_mesh_is_found(urdf: Path, tmp_path: Path, file: str, name: str) -> No
 
 
 MISSING = {
-    "package://pack/m.stl": "put the folder pack beside arm.urdf or above it",
-    "meshes/m.stl": r"copy it there, or correct its path in arm\.urdf",
+    "package://pack/m.stl": "put the folder pack in the folder of arm.urdf or a folder above",
+    "meshes/m.stl": r"copy the file to that path, or correct the path in arm\.urdf",
     "http://example.org/m.stl": "opens only package://, file://",
     "a\0b.stl": "is not found",
     "package://": "is not found",

@@ -81,7 +81,7 @@ WRONG = {
     "baud is one": ("baud = 115200", "baud = 1", "baud =", "serial.baud: 1 is not from 1200 to 4000000"),
     "baud is huge": ("baud = 115200", f"baud = {10**400}", "baud =", r"serial.baud: 10+\.\.\.0+ is not from 1200"),
     "boot wait is a day": ("boot_wait_s = 2.0", "boot_wait_s = 86400", "boot_wait_s", "serial.boot_wait_s: 86400 is not allowed; .* at most 60"),
-    "guards of a board that measures nothing": ('[groups]', '[guards]\nmost_c = 60\n[groups]', "guards", "guards: the table is not allowed: stock measures nothing"),
+    "guards of a board that measures nothing": ('[groups]', '[guards]\nmost_c = 60\n[groups]', "guards", "guards: the table is not allowed, because a board with stock measures nothing"),
     "brake of a day": ('name = "arduinobot"', 'name = "arduinobot"\nbrake_s = 86400', "brake_s", "brake_s: 86400 is not allowed; .* at most 10"),
     "brackets": ('name = "arduinobot"', f'name = {"[" * 100_000}', None, "its lists or tables are nested too deep"),
     "too long": ('name = "arduinobot"', "#" * 2**18, None, "cannot be read: it is larger than 262144 bytes"),
@@ -96,7 +96,7 @@ WRONG = {
     "boot wait is endless": ("boot_wait_s = 2.0", "boot_wait_s = inf", "boot_wait_s", "serial.boot_wait_s: inf is not allowed; it must be .*finite"),
     "unknown firmware": ('firmware = "stock"', 'firmware = "stok"', "firmware =", "serial.firmware: 'stok' is not one of stock, armtree; did you mean stock"),
     "unknown key in serial": ("baud = 115200", "baud = 115200\nparity = 1", "parity", "serial.parity: unknown key; there are baud"),
-    "joint in no group": ('"joint_1", "joint_2"', '"joint_2"', "[groups]", "groups: joint joint_1 is in 0 groups, not in one"),
+    "joint in no group": ('"joint_1", "joint_2"', '"joint_2"', "[groups]", "groups: joint joint_1 is in 0 groups; write it in one"),
     "joint in two groups": ('["joint_4", "joint_5"]', '["joint_4", "joint_5", "joint_1"]', "[groups]", "joint joint_1 is in 2 groups"),
     "unknown joint in a group": ('"joint_5"]', '"joint_6"]', "gripper =", "groups.gripper: 'joint_6' is not one of joint_1, .*joint_5"),
     "joint twice in a group": ('"joint_1", "joint_2"', '"joint_1", "joint_1", "joint_2"', "arm =", "groups.arm: .* contains a name twice"),
@@ -140,9 +140,9 @@ WRONG = {
     "tool in a plane": ("[-0.013, 0.06, -0.0155]", "[0.0, 0.1]", "offset_m", r"tool.offset_m: .* is not three finite numbers"),
     "tool nowhere": ("[-0.013, 0.06, -0.0155]", "[0.0, nan, true]", "offset_m", "tool.offset_m: .* is not three finite numbers"),
     "pad on no link": ("gripper_left = [", "gripper_lef = [", "pads =", "gripper.pads.gripper_lef: the URDF has no such link; .*did you mean gripper_left"),
-    "one pad": (", gripper_left = [0.0087, 0.0439, -0.0055]", "", "pads =", "gripper.pads: does not name two points"),
+    "one pad": (", gripper_left = [0.0087, 0.0439, -0.0055]", "", "pads =", "gripper.pads: must have two points: one on each"),
     "pads on the axes": ("[-0.0085, 0.0439, -0.0055], gripper_left = [0.0087, 0.0439, -0.0055]", "[0, 0, 0], gripper_left = [0, 0, 0]", "pads =", "gripper.pads: two positions of the joint have the same distance"),
-    "pads of the arm": ('"joint_3"]\ngripper = [', ']\ngripper = ["joint_3", ', "[gripper]", "gripper: the group gripper has 2 joints of its own"),
+    "pads of the arm": ('"joint_3"]\ngripper = [', ']\ngripper = ["joint_3", ', "[gripper]", "gripper: the group gripper has 2 independent joints"),
     "thousands of digits": ("margin_m = 0.005", f"margin_m = 1{5000 * '0'}", "", "Exceeds the limit"),
     "tool beyond numbers": ("[-0.013, 0.06, -0.0155]", f"[0, 0, {10**400}]", "offset_m", r"tool.offset_m: .* is not three finite numbers"),
     "tool points beyond numbers": ("axis = [0.0, 1.0, 0.0]", f"axis = [0, {10**400}, 0]", "axis =", "tool.axis: .* is not three finite numbers"),
@@ -250,7 +250,7 @@ WRONG_URDF = {
     "limit with a unit": ('lower="-1.570796326795"', 'lower="-1_0"', "joint joint_1: the lower of its limit is '-1_0'"),
     "limits crossed": ('lower="-1.570796326795"', 'lower="2"', 'joint joint_1: lower 2 is above upper 1.5708; write lower="1.5708" upper="2"'),
     "limit is misspelt": ('lower="-1.570796326795"', 'lowwer="-1.570796326795"', "joint joint_1: the lower of its limit is missing; write lower for lowwer"),
-    "limit has other names": ('lower="-1.570796326795" upper', 'min="-1.570796326795" upper', r"joint joint_1: the lower of its limit is missing; give a finite number \[rad\]; min is not known there"),
+    "limit has other names": ('lower="-1.570796326795" upper', 'min="-1.570796326795" upper', r"joint joint_1: the lower of its limit is missing; give a finite number \[rad\]; min is not known in <limit>"),
     "position of a joint is misspelt": (ORIGIN, ORIGIN.replace("xyz", "xzy"), "joint joint_1: the xyz of its origin is missing; write xyz for xzy"),
     "parent has a name": ('<parent link="base_link"/>', '<parent name="base_link"/>', "joint joint_1 has no parent; write <parent link=\"base_link\"/> in it"),
     "limit is not a number": ('lower="-1.570796326795"', 'lower="nan"', "joint joint_1: the lower of its limit is 'nan'; give a finite number"),
@@ -263,8 +263,8 @@ WRONG_URDF = {
     "two links of a name": ('<link name="base_link"', '<link name="world"', "two links are called world; give each a name of its own"),
     "joint without a name": ('<joint name="joint_2"', "<joint", r"joint \d of \d+ has no name; give it one"),
     "link without a name": ("</robot>", "<link/></robot>", r"link (\d+) of \1 has no name; give it one"),
-    "two roots": ("</robot>", '<link name="lost"/></robot>', "links world and lost have no parent joint, which only one link may lack; give each other one a joint, such as <joint name=\"to_lost\" type=\"fixed\"><parent link=\"world\"/><child link=\"lost\"/></joint>"),
-    "mimic of an unknown joint": ('<mimic joint="joint_4"', '<mimic joint="joint_8"', "joint_5 follows joint_8; let it follow one of those described: joint_1, joint_2"),
+    "two roots": ("</robot>", '<link name="lost"/></robot>', "links world and lost have no parent joint; only one link may have none; give each other link a joint, such as <joint name=\"to_lost\" type=\"fixed\"><parent link=\"world\"/><child link=\"lost\"/></joint>"),
+    "mimic of an unknown joint": ('<mimic joint="joint_4"', '<mimic joint="joint_8"', "joint_5 follows joint_8, which has no table; let it follow one of these: joint_1, joint_2"),
     "mimic of itself": ('<mimic joint="joint_4"', '<mimic joint="joint_5"', "joint joint_5: it mimics itself; let it mimic another joint, or none"),
     "mimic by no number": ('multiplier="-1"', 'multiplier="nan"', "joint joint_5: the multiplier of its mimic is 'nan'; give a finite number"),
     "no leader": ('<mimic joint="joint_4"', "<mimic", "joint joint_5: the joint of its mimic is missing; give the name of the joint to follow"),
@@ -334,10 +334,10 @@ def test_a_urdf_with_thousands_of_links(tmp_path: Path) -> None:
 
 def test_a_robot_file_that_is_not_there(tmp_path: Path) -> None:
     (tmp_path / "z1.toml").touch()
-    make = r"arm\.urdf: is a URDF, not a robot file; make one with `armtree new-arm .*arm\.urdf`"
+    make = r"is a URDF, not a robot file; make a robot file with `armtree new-arm .*arm\.urdf`"
     with pytest.raises(DescriptionError, match=make):
         load_robot(tmp_path / "arm.urdf")
-    none = "there is no such file, and no shipped robot of that name; there are arduinobot, so101"
+    none = "there is no such file, and no shipped robot of that name; the shipped robots are arduinobot, so101"
     for name, near in (("none", ""), ("z1", tmp_path / "z1.toml"), ("s101.toml", "so101")):
         more = f"did you mean {near}?" if near else "`armtree new-arm` makes one from a URDF"
         wanted = f"{none}; {more}"
@@ -475,7 +475,7 @@ def chain(folder: Path, count: int, firmware: str) -> Path:
 def test_six_joints_at_the_most_let_a_stop_fit_the_sketch(tmp_path: Path) -> None:
     assert len(load_robot(chain(tmp_path, 6, "stock")).actuated) == 6
     said = refusal(chain(tmp_path, 7, "stock"))
-    assert "joints: frames of 7 joints are too long for the 63 bytes that stock can hold" in said
+    assert "joints: frames of 7 joints are too long for the 63 bytes that stock can store" in said
 
 
 def test_a_robot_is_pickled_while_another_thread_caches_a_property() -> None:

@@ -80,9 +80,9 @@ def test_a_busy_port_names_the_owner(line: Pty) -> None:
     first.open()
     said = str(refused(line.port, PortBusy))
     assert said == (
-        f"The port {line.port} is in use by this program itself, process id {os.getpid()}. Close "
-        "the arm that has it. If a write to the port does not return, unplug the board and plug it "
-        "in again, then try again"
+        f"The port {line.port} is in use by this program, process id {os.getpid()}. Close the arm "
+        "on this port. If a write to the port does not return, unplug the board and plug it in "
+        "again, then try again"
     )
     first.close()
     second = SerialLink(line.port, BAUD)

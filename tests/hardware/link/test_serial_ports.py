@@ -97,7 +97,7 @@ def test_the_error_of_a_port_of_another_armtree_has_its_process_id(line: Pty) ->
     link.open()
     check = reported(line.port)
     assert (check.ok, check.code) == (False, "hw.port_busy")
-    assert f"process id {os.getpid()} has it" in check.detail
+    assert f"process id {os.getpid()} uses it" in check.detail
     link.close()
     assert reported(line.port).ok
 

@@ -102,7 +102,7 @@ def test_what_is_outside_the_limits_is_not_taken(so101: Robot, tmp_path: Path, w
     near, far = pose(shoulder_lift=math.radians(102)), pose(shoulder_lift=math.radians(163))
     assert task.move(near)
     assert "shoulder_lift: 100 deg" in task.path.read_text()
-    why = r"shoulder_lift is at 163\.0 deg.* end at 100\.0 deg.* turn it inwards by hand"
+    why = r"shoulder_lift is at 163\.0 deg.* end at 100\.0 deg.* turn the joint inwards by"
     with pytest.raises(PoseOutsideLimits, match=why):
         task.move(far) if way == "a pose" else task.follow([near, far, pose()])
     assert len(task.steps) == 1

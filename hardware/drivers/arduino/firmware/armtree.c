@@ -15,7 +15,7 @@
 #include "serial.h"
 #include "servo.h"
 
-#define BANNER "\narmtree 1 AVW? "  // on its own line, in case a reset has cut one short
+#define BANNER "\narmtree 1 AVW? "  // on a new line, because a reset may have cut a line short
 #define CYCLE_MS 20
 #define CYCLES_PER_S (1000 / CYCLE_MS)
 #define ANGLE_MAX 180
@@ -35,7 +35,7 @@ static uint16_t speeds[SERVOS];  // [deg/s], 0 for no limit
 static uint16_t frames, refused, sum;
 static uint8_t holds;
 
-// Lines to send as soon as there is room. A second request before that is answered once.
+// Lines to send as soon as there is room. Two requests for a waiting line get one answer.
 static bool acks, ack_due, status_due, banner_due = true;
 static bool recalled;
 
@@ -98,7 +98,7 @@ static void take_frame(const uint8_t angles[SERVOS]) {
     ack_due = acks;
 }
 
-// False if it is not a known command.
+// Return false if the command is unknown.
 static bool take_command(uint8_t servo, char name, uint8_t value) {
     if (name == 'V') {
         speeds[servo] = value * 10;
@@ -122,8 +122,8 @@ static uint8_t servo_of(uint8_t byte) {
 
 // A field is a letter, three digits and a comma. Four fields in order are a frame, which is accepted
 // only as a whole. A command is a letter, a capital, two digits and a semicolon. It differs from any
-// field in two bytes, so that a single damaged byte never turns one into the other. A byte that does
-// not fit drops what came before it, and is then tried as the first byte of a frame or command.
+// field in two bytes, so that a single damaged byte never turns a field into a command. A byte that
+// does not fit drops the bytes before it, and may then begin a frame or command.
 static void take(uint8_t byte) {
     static uint8_t angles[SERVOS];
     static uint8_t fields;  // complete fields of the frame so far
@@ -277,7 +277,7 @@ static void begin(void) {
     set_sleep_mode(SLEEP_MODE_IDLE);
 }
 
-// Sleep until an interrupt, unless one has just left work to do.
+// Sleep until an interrupt. Return at once if an interrupt has left work to do.
 static void rest(void) {
     cli();
     if (serial_ready() || servo_due) {

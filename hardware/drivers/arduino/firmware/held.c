@@ -5,8 +5,8 @@
 
 #define MAGIC 0x4172
 
-// Start-up code does not clear .noinit. It is linked to the middle of the memory, because the boot
-// loader, which runs first after a reset, uses the start and the end of it.
+// Start-up code does not clear .noinit. This section is linked to the middle of the memory, because
+// the boot loader, which runs first after a reset, uses the start and the end of the memory.
 // Two copies are written in turn: a reset during a write damages one copy and not the other.
 static struct copy {
     uint16_t magic;

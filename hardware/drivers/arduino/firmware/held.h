@@ -7,7 +7,8 @@
 
 #include "servo.h"
 
-// The angles [deg] held before the reset; false if there are none, as after power-on.
+// Get the angles [deg] from before the reset. Return false if there are none, as after power-on.
 bool held_recall(uint8_t angles[SERVOS]);
 
+// Store angles [deg].
 void held_store(const uint8_t angles[SERVOS]);

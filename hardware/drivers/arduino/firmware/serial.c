@@ -3,8 +3,8 @@
 #include <avr/interrupt.h>
 #include <avr/io.h>
 
-// 256 slots each, so that the indices wrap at the end and never point outside. Each index is a
-// single byte with one writer, so no lock is needed.
+// Each buffer has 256 slots, so that its 8-bit indices wrap at the end and never point outside. Each
+// index is a single byte with one writer, so no lock is needed.
 static volatile uint8_t received[256], received_end, received_start;
 static volatile uint8_t sent[256], sent_end, sent_start;
 

@@ -7,14 +7,15 @@
 
 #define SERVOS 4
 
-// Becomes true 1 ms before each cycle of 20 ms, as the time to set new widths. The caller clears it.
+// Becomes true 1 ms before each cycle of 20 ms: new widths may be set. The caller sets it to false.
 extern volatile bool servo_due;
 
-// Start the pulses. Set the first widths before.
+// Start the pulses. Call servo_pulses() first.
 void servo_begin(void);
 
-// Pulse widths [us], all in the same cycle.
+// Set the pulse widths [us]. All change in the same cycle.
 void servo_pulses(const uint16_t us[SERVOS]);
 
-// Pulse width for an angle [1/256 deg], as in the Arduino Servo library: 544 to 2400 us, truncated.
+// Return the pulse width [us] for an angle [1/256 deg], truncated: 544 to 2400 us, as in the Arduino
+// Servo library.
 uint16_t servo_us(uint16_t angle);

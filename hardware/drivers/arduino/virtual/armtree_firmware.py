@@ -21,7 +21,7 @@ class ArmtreeFirmware:
         letters: Letters of the fields of a frame, in order.
         boot_angles: Servo angles if the memory holds none [deg].
         held: Servo angles that the memory holds at the start [deg], or None.
-        banner: First bytes of the first line that it sends.
+        banner: First bytes of the first line that the firmware sends.
         out: Transmit buffer.
         began: Time of the start [s].
     """
@@ -142,18 +142,18 @@ class ArmtreeFirmware:
     # Sent lines ------------------------------------------------------------------------------
 
     def may_answer(self, byte: int) -> bool:
-        """Return True if it may send something when this byte arrives."""
+        """Return True if the program may send something when this byte arrives."""
         return byte in b";?" or (self._acks and byte == ord(","))
 
     def next_output(self) -> float | None:
-        """Return the time of its next output if no byte arrives [s]; None for no output."""
+        """Return the time of the next output if no byte arrives [s]; None for no output."""
         times = [self._room()] if self._ack_due or self._status_due else []
         if self._watching:
             times.append(self._cycle((self._watchdog_ms - self._silence_ms) // CYCLE_MS + 1))
         return min(times, default=None)
 
     def _room(self) -> float:
-        """Return the time at which there is room for the next line [s]; inf if there is none."""
+        """Return the time at which there is room for the next line [s]; inf if no line waits."""
         if self._ack_due:
             return self._out.room_at(len(self._ack()))
         return self._out.room_at(len(self._status())) if self._status_due else float("inf")
@@ -188,7 +188,7 @@ class ArmtreeFirmware:
 
 
 class _Parser:
-    """The parser. It accepts only whole frames and commands.
+    """The parser of the firmware. It accepts only whole frames and commands.
 
     A byte that does not fit drops the bytes before it, and may begin a new frame or command.
     """
@@ -215,7 +215,7 @@ class _Parser:
         return b""
 
     def _fits(self, byte: int) -> bool:
-        """Return True if the byte can follow the ones before it."""
+        """Return True if the byte can follow the previous bytes."""
         fields, place = divmod(len(self._text), 5)
         field = self._text[5 * fields :]
         if place == 0:

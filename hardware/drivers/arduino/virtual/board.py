@@ -1,7 +1,7 @@
 """The virtual board: a pure model from bytes and time to servo angles and bytes.
 
-This file models its serial line and its boot. Its program is in `stock_firmware.py` (the
-published sketch) or `armtree_firmware.py`. The model has no clock and does no I/O:
+This file models the serial line and the boot. The program of the board is in `stock_firmware.py`
+(the published sketch) or `armtree_firmware.py`. The model has no clock and does no I/O:
 `drivers/virtual` puts it behind a pseudo-terminal, or behind a link in this process.
 """
 
@@ -41,15 +41,15 @@ class Program(Protocol):
 
     @property
     def held(self) -> tuple[int, ...] | None:
-        """Servo angles that it stores for the next start [deg], or None."""
+        """Servo angles that the program stores for the next start [deg], or None."""
 
     @property
     def lost(self) -> int:
-        """Number of bytes lost because its buffer was full."""
+        """Number of bytes lost because the buffer was full."""
 
     @property
     def refused(self) -> int:
-        """Number of bytes that its parser dropped, or that would have overwritten memory."""
+        """Number of bytes that the parser dropped, or that would have overwritten memory."""
 
     def take(self, byte: int, now: float) -> None:
         """Receive a byte."""
@@ -61,22 +61,23 @@ class Program(Protocol):
         """Return the servo angles that the pulses command [deg]."""
 
     def may_answer(self, byte: int) -> bool:
-        """Return True if it may send something when this byte arrives."""
+        """Return True if the program may send something when this byte arrives."""
 
     def next_output(self) -> float | None:
-        """Return the time of its next output if no byte arrives [s]; None for no output."""
+        """Return the time of the next output if no byte arrives [s]; None for no output."""
 
 
 class Board:
     """An Arduino with its program. The caller passes the time [s], which never decreases.
 
-    It is switched on at time 0 and starts at once. After a reset, it boots before it starts.
+    The board is switched on at time 0, and its program starts at once. After a reset, the board
+    boots before its program starts.
 
     Args:
         letters: Letters of the fields of a frame, in order.
         boot_angles: Servo angles after switching on [deg].
-        firmware: Its firmware.
-        baud: Speed of its line [bit/s].
+        firmware: Firmware of the board.
+        baud: Speed of the line [bit/s].
     """
 
     def __init__(
@@ -100,7 +101,7 @@ class Board:
     def reset(self, now: float) -> None:
         """Reset the board. Unread bytes are lost, and the servos do not move until it has booted.
 
-        Then they jump to the boot angles, unless the program has stored their angles.
+        After the boot, the servos jump to the boot angles, unless the program has stored others.
         """
         self.cut_off(now)
         self._resets += 1
@@ -122,7 +123,7 @@ class Board:
             )
 
     def receive(self, data: bytes, now: float) -> None:
-        """Put bytes on the line. They arrive one by one, at its speed."""
+        """Put bytes on the line. They arrive one by one, at the speed of the line."""
         self.advance(now)
         for byte in data:
             self._line_free = max(self._line_free, now) + self._byte_time

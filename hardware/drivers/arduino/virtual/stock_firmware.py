@@ -1,7 +1,7 @@
 """The published sketch, as a program of the virtual board.
 
-It reads one byte at a time. It turns one servo after the other, one degree at a time, and reads
-nothing meanwhile.
+The sketch reads one byte at a time. It turns one servo after the other, one degree at a time, and
+reads nothing meanwhile.
 """
 
 import re
@@ -38,7 +38,7 @@ class StockSketch:
     Args:
         letters: Letters of the fields, in order.
         angles: Servo angles at the start [deg].
-        firmware: Its profile.
+        firmware: Profile of the sketch.
         began: Time of the start [s].
     """
 
@@ -88,11 +88,11 @@ class StockSketch:
         return tuple(angles)
 
     def may_answer(self, byte: int) -> bool:
-        """Return False, because it sends nothing."""
+        """Return False, because the sketch sends nothing."""
         return False
 
     def next_output(self) -> float | None:
-        """Return None, because it sends nothing."""
+        """Return None, because the sketch sends nothing."""
         return None
 
 

@@ -43,7 +43,7 @@ class BusState:
 
     Attributes:
         positions: Positions of the servos, by id [ticks].
-        outputs: Positions of their outputs, by id [ticks]. They differ by the backlash.
+        outputs: Positions of their output shafts, by id [ticks]: off by half the backlash.
         torque: True if the servo has torque, by id.
         collisions: Number of times that the host sent bytes while a servo answered.
     """
@@ -82,7 +82,7 @@ class Bus:
         self._received.clear()
 
     def receive(self, data: bytes, now: float) -> None:
-        """Put bytes on the line. They arrive one by one, at its speed."""
+        """Put bytes on the line. They arrive one by one, at the speed of the line."""
         self._advance(now)
         if data and any(end > now for end, _ in self._leaving):
             self._collisions += 1  # both sides drive the wire, which damages the answer
@@ -211,8 +211,8 @@ class Bus:
     def _answer(self, servos: Sequence[Servo], values: Sequence[bytes], time: float) -> None:
         """Put answers on the line, one after another.
 
-        Servos with one id answer at the same time. Equal answers look as one. Different ones are
-        damaged: a bit is 0 if any servo sends 0.
+        Servos with one id answer at the same time. Equal answers look like one answer. Different
+        answers damage each other: a bit is 0 if any servo sends 0.
         """
         together = dict[int, list[bytes]]()
         for servo, value in zip(servos, values, strict=True):

@@ -9,21 +9,21 @@ from hardware.drivers.feetech.registers import CURRENT_UNIT, MEMORY, Series
 from hardware.drivers.servo_bus import POSITION_MODE
 
 _STEP = 0.001  # step of the integration [s]
-_WINDOW = 20  # number of steps over which it measures its speed
+_WINDOW = 20  # number of steps over which the servo measures its speed
 _TOP_SPEED = 3400.0  # speed without a goal speed: largest of `st3215` [ticks/s]
 _ACCELERATION = 100.0  # one unit of the register [ticks/s2]
 _TOP_ACCELERATION = 25400.0  # acceleration without a value in the register [ticks/s2]
 _SUPPLY, _SAG = 12.0, 0.4  # voltage without load, and its drop at full load [V]
 _AMBIENT, _HEAT, _COOLING = 25.0, 50.0, 300.0  # [C], rise at full load [C], time constant [s]
 _STALL_CURRENT = 2.7  # current at full load [A]
-_BACKLASH = 1.0  # play of its gears and horn behind the encoder (SO-ARM100 issue 134) [deg]
+_BACKLASH = 1.0  # play of the gears and horn behind the encoder (SO-ARM100 issue 134) [deg]
 _STALL_TIME = 0.5  # time until a blocked servo reports an overload [s]
 _OVERLOAD = 0.8  # part of the torque from which a blocked servo is overloaded
 _PUSH = 1 / 60  # load of a servo that an object blocks, for each tick to its goal
 
 _WHEEL_MODE = 1
 
-# Registers that decide how it moves; a series may lack the last three.
+# Registers that change the motion of a servo; a series may lack the last three.
 _LIMITED = ("goal_position", "min_angle", "max_angle")
 _STEERING = {
     *_LIMITED,
@@ -34,12 +34,12 @@ _STEERING = {
 
 @dataclass(frozen=True, slots=True)
 class _Settings:
-    """Settings of its motion in its memory, in the units of `Servo`.
+    """Settings of a servo's motion, from its memory.
 
     Attributes:
         torque: True if the servo has torque.
         goal: Goal position within its limits [ticks]; infinite for a wheel that turns.
-        zones: Its dead zones below and above the goal [ticks].
+        zones: Dead zones below and above the goal [ticks].
         speed: Largest speed [ticks/s].
         acceleration: Largest acceleration [ticks/s2].
         effort: Largest torque, as a share of the series' largest torque.
@@ -58,22 +58,23 @@ class _Settings:
 
 
 class Servo:
-    """A model of a servo. It follows its goal with a limited speed and acceleration.
+    """A model of a servo. The servo moves to its goal with a limited speed and acceleration.
 
-    Its load is roughly that of an arm: `gravity` times the cosine of the angle from the middle,
+    Its load is roughly the load of an arm: `gravity` times the cosine of the angle from the middle,
     plus the load of accelerating.
 
     Args:
-        series: Its series.
-        servo: Its id.
-        position: Its position [ticks].
+        series: Series of the servo.
+        servo: Id of the servo.
+        position: Position at the start [ticks].
         gravity: Load of holding the arm in the middle, as a share of the largest torque.
 
     Attributes:
-        blocked: True if it cannot move. It then pushes with its full torque.
-        stops: Ends of the range in which an object keeps it, if it is in the range [ticks].
-        supply: Voltage of its supply without a load [V].
-        ambient: Temperature around it [C].
+        blocked: True if the servo cannot move. It then pushes with its full torque.
+        stops: Lower and upper end of a range that the servo cannot leave [ticks]. An object may
+            block it there. The range has no effect if the servo is outside.
+        supply: Supply voltage without a load [V].
+        ambient: Temperature of the air [C].
     """
 
     def __init__(self, series: Series, servo: int, position: int, gravity: float = 0.0) -> None:
@@ -102,26 +103,26 @@ class Servo:
 
     @property
     def servo(self) -> int:
-        """Its id."""
+        """Id of the servo."""
         return self._memory[self._id]
 
     @property
     def position(self) -> float:
-        """Its position [ticks]."""
+        """Present position [ticks]."""
         return self._position
 
     @property
     def output(self) -> float:
-        """Position of its output [ticks]. The encoder does not measure the backlash before that.
+        """Position of the output shaft [ticks], which the encoder does not measure.
 
-        Its load keeps the output on one side of the backlash. A load on the other side moves it.
+        It differs by half the backlash, to the side to which the load pushes the shaft.
         """
         play = _BACKLASH * self.series.ticks / self.series.turn
         return self._position + self._side * play / 2
 
     @property
     def _homing(self) -> int:
-        """Its offset [ticks]. It subtracts this from the measured position."""
+        """Stored offset [ticks], which is subtracted from the measured position."""
         return self.get("offset") if "offset" in self.series.registers else 0
 
     def get(self, name: str) -> int:
@@ -141,7 +142,7 @@ class Servo:
         self._memory[address : address + len(data)] = data
 
     def read(self, address: int, count: int) -> bytes:
-        """Return bytes of its memory; 0 at addresses without a register."""
+        """Return bytes of the memory; 0 at addresses without a register."""
         self._report()
         return bytes(self._memory[address : address + count]).ljust(count, b"\0")
 
@@ -150,7 +151,7 @@ class Servo:
         values, before = values[: max(0, self._reports - address)], self._homing
         locked, self._settings = self.get("lock"), None
         self._memory[address : address + len(values)] = values
-        if not locked:  # a value in a locked memory is lost without power
+        if not locked:  # values written to a locked memory are lost without power
             self._saved = bytes(self._memory[: self.series.blocks[1][0]])
         self._place(self._position + before - self._homing)
         self._forget_stall()
@@ -166,17 +167,17 @@ class Servo:
         self._forget_stall()
 
     def _forget_stall(self) -> None:
-        """Drop the overload of a servo without torque."""
+        """Clear the overload if the servo has no torque."""
         if not self.get("torque_enable"):
             self._stalled = 0.0
 
     def push(self, position: float) -> None:
-        """Move it by hand [ticks]. A servo with torque does not move."""
+        """Move the servo by hand to a position [ticks]. A servo with torque does not move."""
         if not self.get("torque_enable"):
             self._place(position)
 
     def _place(self, position: float) -> None:
-        """Set its position [ticks], which is no motion for its speed."""
+        """Set the position [ticks]. The measured speed does not change."""
         moved = position % self.series.ticks - self._position
         self._position += moved
         self._past.extend([each + moved for each in self._past])
@@ -200,7 +201,7 @@ class Servo:
                 self._now += _STEP
 
     def _set(self) -> _Settings:
-        """Return the settings of its motion from its memory."""
+        """Return the settings of the motion, from the memory."""
         if self._settings is None:
             present = {
                 name: self.series.unpack(name, self._memory)
@@ -224,7 +225,7 @@ class Servo:
         return self._settings
 
     def _goal(self, present: Mapping[str, int]) -> float:
-        """Return its goal for values of its registers [ticks]. See `_Settings`."""
+        """Return the goal [ticks] for these values of registers. See `_Settings`."""
         mode, turns = present.get("mode", POSITION_MODE), present["goal_speed"]
         if mode != POSITION_MODE:
             wheel = mode == _WHEEL_MODE and turns
@@ -234,7 +235,7 @@ class Servo:
         return min(max(goal, low), high) if low or high else goal
 
     def _wants(self) -> float:
-        """Return the distance to its goal [ticks]; 0 inside its dead zone or without torque."""
+        """Return the distance to the goal [ticks]; 0 inside the dead zone or without torque."""
         settings = self._set()
         if not settings.torque or self._errors():
             return 0.0
@@ -282,11 +283,11 @@ class Servo:
 
     @property
     def _voltage(self) -> int:
-        """Voltage of its supply under its load [0.1 V]."""
+        """Supply voltage under the present load [0.1 V]."""
         return round(max(self.supply - _SAG * abs(self._load), 0.0) * 10)
 
     def _errors(self) -> int:
-        """Return the error bits that it reports."""
+        """Return the error bits that the servo reports."""
         settings = self._set()
         low, high = settings.voltages
         errors = 0x01 * (not low <= self._voltage <= high)
@@ -294,7 +295,7 @@ class Servo:
         return errors | 0x20 * (self._stalled > _STALL_TIME)
 
     def _report(self) -> None:
-        """Write the measured values to its memory."""
+        """Write the measured values to the memory."""
         values = {
             "position": round(self._position),
             "speed": round((self._position - self._past[0]) / (_WINDOW * _STEP)),

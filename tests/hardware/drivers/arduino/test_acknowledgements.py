@@ -57,8 +57,8 @@ def test_a_board_that_did_not_report_that_it_booted_is_an_error(received: bytes)
     acks = acknowledgements()
     acks.receive(received, 1.0)
     why = (
-        "^The board on port /dev/ttyACM0 did not report within 2.5 s that it runs the firmware "
-        "armtree. Flash it, or name the board's firmware in the robot file; opening the port must "
+        "^Within 2.5 s, the board on port /dev/ttyACM0 did not report that it runs the firmware "
+        "armtree. Flash the board, or name its firmware in the robot file; opening the port must "
         "reset the board$"
     )
     with pytest.raises(BoardSilent, match=why):

@@ -139,7 +139,7 @@ def test_the_answer_to_another_request_is_not_a_position() -> None:
 
 def test_nothing_is_written_before_the_arm_is_active_but_requests(tmp_path: Path) -> None:
     with rig(tmp_path, Fault("vanish", 3, 0.0)) as made:
-        why = r"within 1 s the position of servo 3 \(joint_3\). Check its power, id and baud rate"
+        why = r"Within 1 s, .* report the position of servo 3 \(joint_3\). Check its power, id"
         with pytest.raises(ServoMissing, match=why):
             made.arm.activate()
         assert made.arm.state is State.INACTIVE
@@ -151,7 +151,7 @@ def test_nothing_is_written_before_the_arm_is_active_but_requests(tmp_path: Path
 def test_a_pose_outside_the_limits_is_refused(tmp_path: Path) -> None:
     with rig(tmp_path) as made:
         made.bus.servos[0].push(3072 + 35)  # 3.1 deg; settle_deg is 3
-        why = r"servo of joint_1 is at 93\.1 deg.* end at 90\.0 deg.*To move it, turn it inwards by"
+        why = r"servo of joint_1 is at 93\.1 deg.* end at 90\.0 deg.*First turn the joint inwards"
         with pytest.raises(PoseOutsideLimits, match=why):
             made.arm.activate()
         assert not made.bus.servos[0].get("torque_enable")
@@ -185,8 +185,8 @@ def test_a_stop_may_be_far_behind_the_limit_of_the_urdf(
             return
         made.arm.activate()
         assert made.arm.commanded[0] == made.robot.actuated[0].upper
-        way = "joint_1 is at 111.1 deg, and moves to its limit, 90.0 deg; this way is not checked"
-        assert f"{way} for collisions" in caplog.messages
+        way = "joint_1 is at 111.1 deg, and moves to its limit, 90.0 deg; this motion is not"
+        assert f"{way} checked for collisions" in caplog.messages
         moves_in_slowly(made, at, 3072)
 
 

@@ -86,7 +86,7 @@ def test_a_gripper_that_is_blocked_while_it_opens_is_stalled(tmp_path: Path) -> 
     with holding(tmp_path, start=CLOSED) as made:
         error = made.play(at(OPEN), 2.0)
         assert isinstance(error, JointStalled)
-        advice = "Free the joint. If it grips with this motion, change grips in the robot file"
+        advice = "Free the joint. If the gripper grips with this motion, change grips in the robot"
         assert advice in str(error)
 
 

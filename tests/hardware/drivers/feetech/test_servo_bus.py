@@ -38,7 +38,7 @@ def test_torque_that_stays_on_is_an_error(silent: bool) -> None:
     for servo in servos:
         servo.put("torque_enable", 1)
     faults = (Fault("lose", 2, 0.0, 100),) if silent else ()
-    why = "do not report that: 2. Nothing was written"
+    why = "do not confirm it: 2. Nothing was written"
     with opened(*servos, faults=faults) as bus, pytest.raises(NotReleased, match=why):
         bus.release([1, 2])
     assert not servos[0].get("torque_enable")

@@ -175,7 +175,7 @@ def test_a_servo_in_another_mode_gets_no_torque(tmp_path: Path, mode: int) -> No
         servo = made.bus.servos[1]
         servo.put("mode", mode)
         servo.put("goal_speed", 500)
-        why = f"Servo 2 of joint_2 is in the mode {mode}, and not in that for positions.*calibrate"
+        why = f"Servo 2 of joint_2 is in the mode {mode}, and not in the mode for pos.*calibrate"
         with pytest.raises(WrongMode, match=why):
             made.arm.activate()
         made.wait(1.0)

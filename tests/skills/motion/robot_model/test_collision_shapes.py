@@ -66,7 +66,7 @@ def refusal(robot: Robot) -> str:
             '<mesh filename="a.stl" scale="1 1"/>',
             "three numbers other than 0, from -1e+06 to 1e+06",
         ),
-        ('<mesh filename="a.stl"/>', "the mesh a.stl is not found; copy it there"),
+        ('<mesh filename="a.stl"/>', "the mesh a.stl is not found; copy the file"),
     ],
 )
 def test_a_shape_that_is_none(tmp_path: Path, shape: str, why: str) -> None:
