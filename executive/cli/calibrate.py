@@ -213,7 +213,7 @@ def _number(arm: "Robot", port: str, restore: bool) -> None:
     path = ids_file(arm.path)
     earlier = read_ids(path, arm.servos)
     if restore and not earlier:
-        raise DescriptionError(path, 0, "does not exist, so there is nothing to restore")
+        raise DescriptionError(path, 0, "does not exist; there is nothing to restore")
     for joint, wanted in [*(earlier if restore else arm.servos).items()]:
         while True:
             ask(f"Connect only the servo of {joint} (id {wanted}), then press Enter")

@@ -90,7 +90,7 @@ def fit(text: str, stream: TextIO) -> str:
 
 
 def echo(*texts: object, err: bool = False, nl: bool = True, whole: bool = False) -> None:
-    """Print texts, each at the begin of a line, with escapes for control characters.
+    """Print texts, each at the start of a line, with escapes for control characters.
 
     Args:
         texts: The texts. Their second and further lines are indented.
