@@ -133,7 +133,7 @@ class TaskRunner:
             if outcome.success:
                 return replace(outcome, code=error.code, message=str(error))
             cause, words = outcome.cause, str(error)
-            if cause and cause.code == error.code:  # the error of the file knows how it ended
+            if cause and cause.code == error.code:  # the same error, now with the end of the file
                 return replace(outcome, message=words, cause=replace(cause, message=words))
             if cause and words not in cause.message:
                 cause = replace(cause, message=f"{cause.message}; {words}")
@@ -143,7 +143,7 @@ class TaskRunner:
 
 
 def _text(name: str, value: object) -> str:
-    """Return an argument as text for a task file."""
+    """Return the value of an argument as it is written in a task file."""
     try:
         return value if isinstance(value, str) else json.dumps(value)
     except TypeError as error:

@@ -119,7 +119,7 @@ def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:
     codec, joints = robot.wire_format, tuple(joint.name for joint in robot.actuated)
     for frame in sent:
         if frame.joints != joints:
-            return f"{frame.text} was sent for {', '.join(frame.joints)}"
+            return f"{frame.text} was sent for the joints {', '.join(frame.joints)}"
         try:
             encoded = codec.encode(frame.positions).data
         except HardwareError as error:

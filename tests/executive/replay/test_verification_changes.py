@@ -163,7 +163,7 @@ def rename(state: Any) -> None:
         (
             decoded("/joint_states", "sensor_msgs/msg/JointState", rename, 5),
             [False, True],
-            "was sent for joint_9, joint_2",
+            "was sent for the joints joint_9, joint_2",
         ),
         (retold("/result", field("state", to="CANCELED")), [False, True], "the result is CANCELED"),
         (
