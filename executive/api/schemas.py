@@ -255,7 +255,7 @@ _JOINT = _object(
         "xyz": _VECTOR,
         "rpy": _VECTOR,
         "axis": _VECTOR,
-        "limits": described(array(NUMBER), "Smallest and largest position; empty if unlimited."),
+        "limits": described(array(NUMBER), "Smallest and largest position, if they are finite."),
         "mimic": {
             "type": ["array", "null"],
             "description": "The joint that it follows, the factor, and the offset.",

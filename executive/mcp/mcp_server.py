@@ -101,7 +101,7 @@ class Tools:
             return _refusal(BadRequest(str(error), "correct the arguments"))
         except Exception:  # catches every error of a call
             logger.exception("a bug in armtree")
-            return _refusal(InternalError("the log has more"))
+            return _refusal(InternalError("the log has the details"))
 
     async def _answer(self, context: _Context, params: CallToolRequestParams) -> CallToolResult:
         tool = self._tools.get(params.name)

@@ -262,7 +262,11 @@ def field(*places: Any, to: Any) -> Callable[[dict[str, Any]], None]:
             [False, False],
             "motion of 9.0 s is recor",
         ),
-        (retold("/schedule", field("start", "joint_1", to=0.1)), [True, False], "start at another position"),
+        (
+            retold("/schedule", field("start", "joint_1", to=0.1)),
+            [True, False],
+            "at another position",
+        ),
         (
             retold("/schedule", field("samples", 5, 0, to=0.1)),
             [False, False],
