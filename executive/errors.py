@@ -50,7 +50,7 @@ class GoalCanceled(GoalError):
 
     code = "goal.canceled"
     exit_status = 7
-    hint = "start it again if it is still needed"
+    hint = "start the goal again if it is still needed"
 
     def __init__(self) -> None:
         super().__init__("Canceled")
@@ -60,7 +60,7 @@ class GoalBusy(GoalError):
     """Another goal is under way."""
 
     code = "goal.busy"
-    hint = "wait, or cancel it: `armtree cancel GOAL`, or `armtree stop`"
+    hint = "wait, or cancel that goal: `armtree cancel GOAL`, or `armtree stop`"
 
 
 class QueueFull(GoalError):

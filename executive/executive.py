@@ -180,7 +180,7 @@ class Executive:
     ) -> int | None:
         """Return the number of the first task that is not valid as a goal with these arguments.
 
-        Returns None if all are valid. It skips moves, and the checks that need the arm. Call it
+        Returns None if all are valid. Moves, and checks that need the arm, are skipped. Call this
         only before `start`.
         """
         numbers = (task for task in tasks if not isinstance(task, Move))
@@ -358,7 +358,7 @@ class Executive:
         """
         if transition not in TRANSITIONS:
             known = ", ".join(TRANSITIONS)
-            raise TransitionRefused(f"there is no transition {transition}; there are {known}")
+            raise TransitionRefused(f"there is no transition {transition}; give one of {known}")
         if transition == "activate":
             stops = self._queue.stops if stops is None else stops
             self._recordings.check_space()
@@ -397,7 +397,7 @@ class Executive:
         return found
 
     def world_mesh(self, name: str) -> bytes | None:
-        """Return the mesh of an obstacle, now or in the last dry run; None if the name is unknown.
+        """Return the file of an obstacle's mesh, also from the last dry run; None if unknown.
 
         Args:
             name: Name of the mesh in the record of a plan.
@@ -408,7 +408,7 @@ class Executive:
         return None
 
     def switch_torque(self, on: bool) -> None:
-        """Switch the torque of the servos. Without it, a person moves the arm by hand.
+        """Switch the torque of the servos on or off. Without it, a person can move the arm by hand.
 
         The arm of a single user is activated first.
 
@@ -482,7 +482,7 @@ class Executive:
         self._recordings.close()
 
     def _read_move(self, move: Move) -> tuple[Exception | None, str]:
-        """Return the error of a move, or None, and the text of the move."""
+        """Return the error of a move, or None; and the text of the move, empty for an error."""
         try:
             library = self.library.latest
             poses, words = library.poses()[0], " ".join(move.words)

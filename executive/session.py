@@ -144,7 +144,7 @@ def _tidy(setup: Setup, clock: Clock) -> Iterator[logs.LogLine]:
         yield _log_line(clock, _recovered(made))
     utc = utc_ns(clock) / 1e9
     for path in prune(setup.recordings, Rule(setup.keep_days, setup.keep_mb), utc):
-        yield _log_line(clock, f"{path}: deleted, because it was too old or too large")
+        yield _log_line(clock, f"{path}: deleted, because of its age or the size of all recordings")
 
 
 def _log_line(clock: Clock, words: str) -> logs.LogLine:

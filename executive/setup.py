@@ -24,7 +24,7 @@ class Setup:
         port: Serial port, or `virtual`; empty for no port; None for the port of the robot file.
         trees: Folder with task files of your own; None for the shipped tasks only.
         reload: True if each goal uses the latest valid task files; False if they are read once.
-        own_trees: Folder with task files if `trees` is None. With `reload`, it may be made later.
+        own_trees: With `reload`, folder with task files if `trees` is None. It may be made later.
         recordings: Folder for recordings.
         recording_timeout: Longest time that a frame waits for the recording of the previous frame
             [s]. Then the motion ends.

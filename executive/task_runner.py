@@ -26,7 +26,7 @@ class TaskRunner:
     """Runs tasks and moves, and finishes the recording of each.
 
     Args:
-        executive: Runs the tasks. It has a single user.
+        executive: Runs the tasks. Its set-up has `single_user`.
     """
 
     def __init__(self, executive: Executive) -> None:
@@ -126,7 +126,7 @@ class TaskRunner:
                 return self._executive.result(answer.identity, _SLICE)
 
     def _finish(self, outcome: Outcome) -> Outcome:
-        """Finish the recording of a goal. Return its outcome, with an error of the file."""
+        """Finish the recording of a goal. Return the outcome, with the error of the file if any."""
         try:
             self._executive.finish_recording()
         except logs.LogError as error:

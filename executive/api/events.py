@@ -191,7 +191,7 @@ class Where:
         commanded: Mapping[str, float] | None,
         measured: "Measurement | None" = None,
     ) -> "Where":
-        """Return the `Where` of a robot.
+        """Return the position of a robot's arm.
 
         Args:
             robot: The robot.

@@ -77,7 +77,7 @@ class Operation:
     def split(
         self, arguments: Mapping[str, Any]
     ) -> tuple[str, dict[str, Any], dict[str, Any] | None]:
-        """Divide arguments into path, query and body. Arguments with None are left out.
+        """Divide arguments into path, query and body. Arguments that are None are left out.
 
         Returns:
             The path, the query, and the JSON body, or None if the operation takes no body.

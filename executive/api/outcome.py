@@ -355,7 +355,7 @@ def _number(error: Exception, names: tuple[str, ...]) -> float | None:
 
 
 def _limit(error: Exception) -> float | None:
-    """Return the limit that the value exceeds: of `lower` and `upper`, or the only one."""
+    """Return `lower` or `upper`, whichever the value exceeds; else the only limit, or None."""
     value = _number(error, _VALUES)
     lower, upper = _number(error, ("lower",)), _number(error, ("upper",))
     if value is None or lower is None or upper is None:

@@ -76,7 +76,7 @@ def file_of(port: int, kind: str = SERVER) -> Path:
 
 
 def write(port: int, info: ServerInfo, kind: str = SERVER) -> None:
-    """Write the file, readable only by this user, and remove the files of servers that ended.
+    """Write a server's file, readable only by this user. Remove the files of servers that ended.
 
     Raises:
         OSError: The file cannot be written, or other users have access to its folder.
@@ -112,7 +112,7 @@ def make_folder() -> Path:
 
 
 def remove(port: int, info: ServerInfo, kind: str = SERVER) -> None:
-    """Remove the file, unless another server has replaced it."""
+    """Remove a server's file, unless another server has replaced it."""
     if read(port, kind) == info:
         file_of(port, kind).unlink(missing_ok=True)
 

@@ -55,7 +55,7 @@ class ResponseBody:
         if self._status >= 400 and _fits_schema("", value):
             raise Refused(Cause.from_json(value))
         if self._status != OPERATIONS[name].status or not _fits_schema(name, value):
-            raise WrongAnswer(self._url, f"it answers {self._status}, but its fields are wrong")
+            raise WrongAnswer(self._url, f"it answers {self._status} with wrong fields")
         return value
 
 

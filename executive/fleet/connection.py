@@ -99,8 +99,8 @@ def control_subject(request: str, arm: str = "") -> str:
 def confirm_subject(request: str) -> str:
     """Return the reply subject of a request; `*` for all requests.
 
-    An arm adds its POOL.NAME. The NATS server lets it use no other name, so that no arm can answer
-    for another one.
+    An arm adds its POOL.NAME. The NATS server lets the arm use no other name, so that no arm can
+    answer for another arm.
     """
     return f"fleet.confirm.{request}"
 
@@ -141,7 +141,7 @@ class Fleet:
             after: Revision; only later changes are returned.
 
         Returns:
-            The values, with None for deleted ones, and the `after` of the next call.
+            The values, with None for deleted values; and the `after` of the next call.
         """
         bucket, found, more = _BUCKETS[kind], dict[str, T | None](), True
         prefix = f"$KV.{bucket}."

@@ -159,9 +159,10 @@ class PoolNotServed(FleetError):
     hint = "`armtree fleet ls` lists the arms; `armtree serve --fleet URL --pool POOL` adds one"
 
     def __init__(self, pool: str, served: Sequence[str]) -> None:
-        others = ", ".join(served) or "no pool"
+        others = ", ".join(served) or "none"
         super().__init__(
-            f"no arm serves the pool {pool}, so nothing was sent; served: {others}; {self.hint}"
+            f"no arm serves the pool {pool}, so nothing was sent; served pools: {others}; "
+            f"{self.hint}"
         )
 
 
@@ -173,7 +174,7 @@ class DuplicateJob(FleetError):
     hint = "`armtree fleet jobs` shows that job; give every job its own id"
 
     def __init__(self, identity: str) -> None:
-        super().__init__(f"the job {identity} was sent before, so it was not sent; {self.hint}")
+        super().__init__(f"the job {identity} was sent before, and is not sent again; {self.hint}")
 
 
 class UnknownJob(FleetError):
@@ -233,7 +234,7 @@ class Confirmation:
     Attributes:
         arm: POOL.NAME.
         error: Error of the request; empty if the request is done.
-        goals: Goals that the request concerned.
+        goals: Identities of the goals that the request concerned.
         seconds: Time from the request to the answer [s].
     """
 
@@ -251,7 +252,7 @@ class NotConfirmed(FleetError):
         confirmed: The answers of the arms that confirmed.
         wanted: Number of arms that should confirm.
         missing: The arms that did not confirm, each with the reason.
-        unheld: Reason that the queues are not held; empty if they are held.
+        unheld: Why the queues are not held; empty if they are held.
 
     Attributes:
         confirmed, wanted, missing: The arguments of these names.

@@ -34,7 +34,7 @@ class JobRequests:
         self._withdrawn = False
 
     async def next(self) -> Msg | None:
-        """Return the queued job of the highest priority; None if no job comes for a while."""
+        """Return the queued job of the highest priority; None if no job comes in time."""
         self._withdrawn = False
         for priority in PRIORITIES[:-1]:
             if found := await self._ask([priority], _ANSWER_SECONDS, no_wait=True):

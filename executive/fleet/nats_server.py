@@ -168,7 +168,7 @@ def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Pope
 def _locked(folder: Path, clock: Clock) -> Iterator[int]:
     """Lock a data folder: a second NATS server there would damage the stored jobs.
 
-    nats-server inherits the lock, and holds it until it ends. If armtree is killed, it ends soon.
+    nats-server inherits the lock, and holds it until its end, which follows soon if armtree dies.
 
     Raises:
         NotStarted: Another NATS server uses the folder.
@@ -280,7 +280,7 @@ def _users(path: Path) -> list[dict[str, Any]]:
 
 
 def _permissions(pool: str, name: str) -> dict[str, Any]:
-    """Return the subjects that an arm may use. It cannot send jobs, or stop or be another arm.
+    """Return the subjects that an arm may use. They allow no jobs, stops, or names of other arms.
 
     Raises:
         BadName: A name is malformed.

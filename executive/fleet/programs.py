@@ -51,7 +51,7 @@ _MOST_FETCHED = 2**30  # largest recording that is fetched [bytes]
 
 
 def run(url: str, act: Act, interrupted: Act | None = None) -> None:
-    """Connect to a fleet, and call a function with its client.
+    """Connect to a fleet, and call a function with a client of the fleet.
 
     Args:
         url: URL of the fleet.

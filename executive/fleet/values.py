@@ -132,7 +132,7 @@ def to_bytes(value: Any) -> bytes:
 
 
 def to_json(value: Any) -> dict[str, Any]:
-    """Return a value of this file as a JSON object. The encoder calls this for values in it."""
+    """Return a value of this file as a JSON object. The encoder also calls it for nested values."""
     if isinstance(value, Ending):  # without the task of an `Outcome`, because readers drop it
         return {name: each for name, each in value.to_json().items() if name != "task"}
     return {name: getattr(value, name) for name in _names(value.__class__)}

@@ -46,7 +46,7 @@ def load_goal_history(folder: Path, since: float) -> Iterator[tuple[str, int, Ou
 
     Args:
         folder: Folder of recordings.
-        since: Earliest time of a recording [s since 1970].
+        since: Ignore recordings that were last changed before this time [s since 1970].
 
     Yields:
         Identity, time of acceptance [ns since 1970] and outcome, in order of acceptance.

@@ -235,10 +235,11 @@ class ProgressPoint(NamedTuple):
     """Progress of a run.
 
     Attributes:
-        percentage: Arrived frames / scheduled frames [%]; None before the first schedule.
+        percentage: Finished share of the work, averaged over the moving skills [%]; None before the
+            first motion.
         phase: planning, executing, asking, waiting, paused or succeeded.
         node: Name of the running skill.
-        attempt: Number of the attempt, from 1. A retry starts another one.
+        attempt: Number of the attempt, from 1. A retry starts another attempt.
     """
 
     percentage: int | None
@@ -248,7 +249,7 @@ class ProgressPoint(NamedTuple):
 
 
 class Progress:
-    """Progress of one tree: arrived frames / scheduled frames.
+    """Progress of one tree: the finished shares of its moving skills, averaged.
 
     Args:
         tree: The tree.

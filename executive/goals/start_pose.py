@@ -32,7 +32,7 @@ class StartPose:
         port: Serial port.
         recordings: Folder of recordings, to find the last commanded pose.
         confirmed: Pose that a person confirms for the first activation: `boot`, `last` for the last
-            commanded one, or None.
+            commanded pose, or None.
     """
 
     def __init__(self, robot: Robot, port: str, recordings: Path, confirmed: str | None) -> None:

@@ -101,7 +101,7 @@ TOOLS = (
     _read("arm_state", "Return the state of the arm: whether it may move, where it is, faults."),
     _read(
         "list_recordings",
-        "List the last runs, the newest first, with how each ended.",
+        "List the last runs, the newest first, with the outcome of each.",
         {
             "limit": {
                 "type": "integer",

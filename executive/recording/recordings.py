@@ -52,7 +52,7 @@ class Recordings:
 
     Attributes:
         path: Path of the open recording of a goal; empty if there is none.
-        frames: Number of frames sent since it was opened.
+        frames: Number of frames sent since this recording was opened.
     """
 
     def __init__(

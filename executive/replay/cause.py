@@ -63,14 +63,15 @@ def _limits(plan: Plan, robot: Robot) -> str:
         if (velocity, acceleration) != own:
             return (
                 f"limits: the plan limited {joint.name} to {velocity:g} rad/s and {acceleration:g} "
-                f"rad/s2, the robot has {own[0]:g} and {own[1]:g}"
+                f"rad/s2, but the robot has {own[0]:g} and {own[1]:g}"
             )
     return ""
 
 
 def _seed(plan: Plan, goals: Sequence[Goal]) -> str:
     if goals and plan.seed not in {goal.seed for goal in goals}:
-        return f"seed: the goal has {goals[0].seed}, the {plan.group} was planned with {plan.seed}"
+        own = goals[0].seed
+        return f"seed: the goal has {own}, but the group {plan.group} was planned with {plan.seed}"
     return ""
 
 

@@ -56,10 +56,11 @@ class RecordedRun:
                 there = ", ".join(robot.groups)
                 return f"the group {unknown[0]} is recorded, but the robot has the groups {there}"
             if record.start.keys() != actuated:
-                return f"the recorded start has the joints {', '.join(record.start)}"
+                start = ", ".join(record.start)
+                return f"the recorded start has the joints {start}, not those of the robot"
             if isinstance(record, Plan):
                 joints = tuple(joint.name for joint in robot.actuated_in(record.group))
                 if record.joints != joints:
                     named = ", ".join(record.joints)
-                    return f"the {record.group} is recorded with the joints {named}"
+                    return f"the group {record.group} is recorded with the joints {named}"
         return ""

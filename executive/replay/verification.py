@@ -74,7 +74,7 @@ class Verification:
         path: The recording.
         checks: Both checks; empty if the file cannot be verified.
         error: Why the file cannot be verified, or its missing or changed part; else empty.
-        code: Stable code of the error.
+        code: Stable code of the error; empty if there is none.
         motion: Total duration of the motions that were compiled again [s].
     """
 

@@ -17,7 +17,7 @@ ALL = "all"  # word for all groups
 
 
 def listed_poses(robot: Robot, library: Library) -> Iterator[tuple[str, Mapping[str, float], str]]:
-    """Yield each pose: its name, its joint positions [rad], and its source, as `FILE:LINE`."""
+    """Yield each pose: its name, its joint positions [rad], and its source, such as `FILE:LINE`."""
     poses, _ = library.poses()
     files, _ = library.draft_poses()
     if HOME not in poses:

@@ -92,7 +92,7 @@ class RecordingEndpoints:
         return await asyncio.to_thread(self._answer, name, lambda timeline: timeline.series(points))
 
     def _answer(self, name: str, read: Callable[[Timeline], Json]) -> Response:
-        """Return what a thread reads from the timeline of a recording."""
+        """Return what `read` makes of the timeline of a recording. Call this on a thread."""
         found = read(self._recordings.timeline(name))
         try:
             text = _text(found)

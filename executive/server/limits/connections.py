@@ -126,7 +126,7 @@ class _QueuedProtocol(asyncio.Protocol):
 
     @property
     def has_token(self) -> bool:
-        """True if its last request contained the token."""
+        """True if the last request of the client contained the token."""
         return False
 
     def pause_writing(self) -> None:

@@ -97,7 +97,7 @@ class RecordingFolder:
         self._copying = threading.Lock()
 
     def rows(self, query: RecordingFilter) -> list[Json]:
-        """Return the recordings of a query, newest name first."""
+        """Return the rows of the recordings that a filter accepts, newest name first."""
         purge(self._folder, utc_ns(self._clock) / 1e9 - UNDO)
         found, names = list[Json](), sorted(self._names(), reverse=True)
         self._rows.keep(set(names))
@@ -215,7 +215,7 @@ class RecordingFolder:
             delete(path)
 
     def restore(self, name: str) -> Json:
-        """Undo `delete`. Return the row.
+        """Restore a deleted recording. Return its row.
 
         Raises:
             LogError: The recording cannot be restored.
@@ -291,7 +291,7 @@ class _Cache(Generic[T]):
         self._values: OrderedDict[Hashable, tuple[Hashable, T]] = OrderedDict()
 
     def get(self, key: Hashable, version: Hashable, make: Callable[[], T]) -> T:
-        """Return the value of a key and version. If it is missing, make it, one at a time."""
+        """Return the value of a key and version. Only one thread at a time makes a value."""
         with self._lock:
             if key not in self._values or self._values[key][0] != version:
                 self._values[key] = version, make()

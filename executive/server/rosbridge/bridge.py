@@ -242,7 +242,7 @@ class _Client:
     async def _send_goal(self, message: ros.SendGoal) -> None:
         client_id = message.identity
         if any(goal.client_id == client_id for goal in self._goals.values()):
-            raise ros.BadMessage(f"a goal with the id {client_id!r} is under way", client_id)
+            raise ros.BadMessage(f"the goal {client_id!r} is already under way", client_id)
         if not self._bridge.goal_bucket.take():
             rate, burst = GOAL_RATE
             raise ros.BadGoal(

@@ -26,7 +26,7 @@ class SystemdNotifier:
         self._timeout = int(environment.get("WATCHDOG_USEC", "0")) / 1e6 if own else 0.0
 
     def ready(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Report that the server answers. Report again at half of the watchdog's timeout."""
+        """Report that the server answers; then, at half of the watchdog's timeout, that it runs."""
         self._send("READY=1")
         if self._address and self._timeout:
             self._repeat(loop)
