@@ -43,7 +43,7 @@ def test_a_stop_holds_the_fleet_and_names_who_does_not_confirm(
             assert (await ended(client, running)).state == "CANCELED"
             queued = await client.send(2, "bench", {})
             assert (await client.queued())[0] == 1
-            with pytest.raises(FleetError, match="queue of bench is held"):
+            with pytest.raises(FleetError, match="still holds the queue of bench"):
                 await client.resume(["bench.0"])
             for arm in arms:
                 arm.duration = 0.0
