@@ -7,7 +7,7 @@ import sys
 import threading
 from contextlib import suppress
 
-_ALLOCATIONS = 10_000  # objects between two collections; imports make many objects but no garbage
+_ALLOCATIONS = 10_000  # new objects until garbage is collected; imports make many, but no garbage
 _SOON = 0.01  # time until a lost Ctrl-C is repeated [s]
 
 

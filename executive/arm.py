@@ -26,8 +26,8 @@ from .task_runner import TaskRunner
 class Arm:
     """An arm that runs tasks. The first task activates it; `close` shuts it down.
 
-    Only its arguments count. It reads no `armtree.toml` and no environment variable, so that a
-    program always moves the same arm.
+    Its arguments are its only settings. It reads no `armtree.toml` and no environment variable, so
+    that a program always moves the same arm.
 
     Args:
         port: Serial port such as `/dev/ttyACM0`; default: `virtual`, a simulated board.
@@ -128,8 +128,8 @@ class Arm:
         Args:
             to: The target: names of poses, `joint_1=70deg`, `width=20mm` (gripper), or x, y, z
                 of the tool [m].
-            relative: True if the target is a change: distances of joints, x, y, z from the tool, or
-                turns of the tool, such as `pitch=5deg`.
+            relative: True if the target is a change: of joints, of x, y, z of the tool, or of its
+                orientation, such as `pitch=5deg`.
             speed: Share of the robot's speed, 0.01 to 1.
             joints: Targets of joints, such as `joint_1="70 deg"`, or a number [rad].
 

@@ -6,7 +6,7 @@ from .api.codes import OK
 
 
 def look_up(code: str) -> type[ArmtreeError]:
-    """Return the class of a code, or of its family if no class has that code."""
+    """Return the error class of a code, or that of its family if no class has the code."""
     if code not in ArmtreeError.by_code:
         load_errors()
     family = code.partition(".")[0]
@@ -20,7 +20,7 @@ def exit_status(code: str) -> int:
 
 
 def load_errors() -> None:
-    """Load the error classes of all rooms, also of `skills`. Each class registers itself."""
+    """Load the error classes of all packages, also of `skills`. Each class registers itself."""
     import executive.errors
     import executive.fleet.errors  # noqa: F401
     import hardware.drivers.servo_errors  # noqa: F401

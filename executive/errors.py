@@ -13,7 +13,7 @@ from trees import FileError
 from .api.codes import LOST
 from .api.outcome import Cause, Outcome
 
-_LONGEST = 300  # largest number of characters of a refusal, because it may quote the client
+_LONGEST = 300  # most characters of the message of a refusal, because it may quote the client
 
 
 class GoalError(ArmtreeError):
@@ -50,7 +50,7 @@ class GoalCanceled(GoalError):
 
     code = "goal.canceled"
     exit_status = 7
-    hint = "start it again if it is still needed"
+    hint = "start the goal again if it is still needed"
 
     def __init__(self) -> None:
         super().__init__("Canceled")
@@ -60,7 +60,7 @@ class GoalBusy(GoalError):
     """Another goal is under way."""
 
     code = "goal.busy"
-    hint = "wait, or cancel it: `armtree cancel GOAL`, or `armtree stop`"
+    hint = "wait, or cancel that goal: `armtree cancel GOAL`, or `armtree stop`"
 
 
 class QueueFull(GoalError):
@@ -100,7 +100,9 @@ class ResultTimeout(GoalError, TimeoutError):
     hint = "request the result again"
 
     def __init__(self, identity: str, timeout: float) -> None:
-        super().__init__(f"goal {identity} has not ended within {timeout:g} s; request it again")
+        super().__init__(
+            f"goal {identity} has not ended within {timeout:g} s; request its result again"
+        )
 
 
 class NotEnded(GoalError, TimeoutError):
@@ -115,13 +117,13 @@ class NotEnded(GoalError, TimeoutError):
 
 
 class NotExecuting(GoalError):
-    """Only an executing goal can be paused."""
+    """Only an executing goal can be paused or resumed."""
 
     code = "goal.not_executing"
     hint = "`armtree status` shows the goal that is executing"
 
     def __init__(self, identity: str = "", state: str = "") -> None:
-        words = f"goal {identity} is {state}; only one that is EXECUTING can be paused"
+        words = f"goal {identity} is {state}; only an EXECUTING goal can be paused or resumed"
         super().__init__(words if identity else "no goal is under way")
 
 
@@ -132,7 +134,7 @@ class GoalUnderWay(GoalError):
     hint = "wait for the end of the goal"
 
     def __init__(self, identity: str) -> None:
-        super().__init__(f"goal {identity} is under way, so the start of a dry run is not known")
+        super().__init__(f"goal {identity} is under way, so the start of a dry run is unknown")
 
 
 class NotPaused(GoalError):
@@ -164,14 +166,14 @@ class NoSuchNode(GoalError):
 
 
 class GoalPreempted(GoalError):
-    """Another goal took its place."""
+    """Another goal replaced the goal, because the policy is `preempt`."""
 
     code = "goal.preempted"
     hint = "send the goal again if you still want it"
 
     def __init__(self, identity: str) -> None:
         super().__init__(
-            f"goal {identity} took its place; send the goal again if you still want it"
+            f"goal {identity} replaced this goal; send this goal again if you still want it"
         )
 
 
@@ -190,13 +192,13 @@ class ExecutorBlocked(GoalError):
 
     def __init__(self, identity: str, task: int, node: str) -> None:
         super().__init__(
-            f"the code of {node or 'a skill'} of goal {identity} for {goal_title(task)} does not "
-            "return, so no other goal can be executed; start the server again"
+            f"goal {identity} for {goal_title(task)} blocks all other goals, because the code of "
+            f"{node or 'a skill'} does not return; start the server again"
         )
 
 
 class ServerRestarted(GoalError):
-    """The server or command that ran the goal ended first."""
+    """The server or command that ran the goal ended before the goal."""
 
     code = "server.restarted"
     exit_status = 13
@@ -204,7 +206,7 @@ class ServerRestarted(GoalError):
 
     def __init__(self) -> None:
         super().__init__(
-            "the server or command that ran this goal ended first, and nothing resumes the goal"
+            "the server or command that ran this goal ended before the goal; nothing resumes it"
         )
 
 
@@ -235,7 +237,7 @@ class BadAnswer(GoalError):
     hint = "give one of the choices"
 
     def __init__(self, words: str, question: str) -> None:
-        super().__init__(f"{words.strip() or 'nothing'} is not an answer to: {question}")
+        super().__init__(f"{words.strip() or 'an empty text'} is not an answer to: {question}")
 
 
 class NotHeld(GoalError):
@@ -298,7 +300,7 @@ class NotFound(RequestError):
 
 
 class BadMethod(RequestError):
-    """The address has no such method."""
+    """The address does not have the HTTP method of the request."""
 
     code = "request.method"
     http_status = 405
@@ -309,7 +311,7 @@ class Forbidden(RequestError):
 
     code = "request.forbidden"
     http_status = 403
-    hint = "send it from a program on the machine of the server, with its token"
+    hint = "send the request from a program on the server's machine, with the server's token"
 
 
 class WrongHost(Forbidden):
@@ -371,7 +373,7 @@ class PoseUnconfirmed(HardwareError):
 
     Args:
         message: The cause.
-        hint: Advice. Default: that of the class.
+        hint: Advice for the user. Default: the hint of the class.
     """
 
     code = "hw.pose_unconfirmed"

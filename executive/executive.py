@@ -94,7 +94,7 @@ class Executive:
         leader: Hand-guided arm, for tasks that follow it. Default: none.
 
     Attributes:
-        setup, robot, library, clock: The same.
+        setup, robot, library, clock: The arguments of these names.
         start_pose: Finds the start pose of an activation.
         port: Name of the port; empty if there is no port.
     """
@@ -115,7 +115,7 @@ class Executive:
         self._pool, self._subscribers = pool, EventSubscribers()
         self._progress: logs.Feedback | None = None
         self._breakpoints = set[str]()
-        self._planned_worlds: tuple[World, ...] = ()  # meshes of the last dry run
+        self._planned_worlds: tuple[World, ...] = ()  # worlds of the last dry run
         self._recordings = Recordings(
             setup.recordings,
             robot,
@@ -178,9 +178,10 @@ class Executive:
     def find_invalid(
         self, tasks: Sequence[int | Move], arguments: Mapping[str, str | Located]
     ) -> int | None:
-        """Return the first task with an invalid goal, without the checks that need the arm.
+        """Return the number of the first task that is not valid as a goal with these arguments.
 
-        Call it only before `start`.
+        Returns None if all are valid. Moves, and checks that need the arm, are skipped. Call this
+        only before `start`.
         """
         numbers = (task for task in tasks if not isinstance(task, Move))
         return next((task for task in numbers if self._executor.validate(task, arguments)), None)
@@ -208,7 +209,7 @@ class Executive:
         client: str = "",
         stops: int | None = None,
     ) -> Acceptance:
-        """Send a goal. Returns at once.
+        """Send a goal. Return at once whether it is accepted or refused.
 
         Args:
             task: Task number, or a move.
@@ -246,7 +247,7 @@ class Executive:
         client: str = "",
         stops: int | None = None,
     ) -> Acceptance:
-        """Send a goal with `strict`, and wait until it is recorded.
+        """Call `send` with `strict`, and wait until the accepted goal is recorded.
 
         A later server then knows the goal.
         """
@@ -348,16 +349,16 @@ class Executive:
                 refused if the arm was stopped after that status. None for the current number.
 
         Returns:
-            State of the arm.
+            State of the arm after the transition.
 
         Raises:
             HardwareError: The transition failed, or is not allowed now.
             LogError: The disk has no room for a recording, so the arm is not activated.
-            SentBeforeStop: The arm was stopped after that, before the activation began.
+            SentBeforeStop: The arm was stopped after that status, before the activation began.
         """
         if transition not in TRANSITIONS:
             known = ", ".join(TRANSITIONS)
-            raise TransitionRefused(f"there is no transition {transition}; there are {known}")
+            raise TransitionRefused(f"there is no transition {transition}; give one of {known}")
         if transition == "activate":
             stops = self._queue.stops if stops is None else stops
             self._recordings.check_space()
@@ -367,7 +368,7 @@ class Executive:
             self.start_pose.activate(self._arm, self._pool.start, pose)
             return self._arm.state
         if transition in ("deactivate", "shutdown") and self._arm.state is State.ACTIVE:
-            # This comes first; else the goal would report the stop as its cause.
+            # Interrupt the goal first; else it would report the stop of the arm as its cause.
             self._interrupt(NotActive(_LEAVES))
         getattr(self._arm, transition)()
         return self._arm.state
@@ -380,10 +381,10 @@ class Executive:
             arguments: Values of the task's parameters, by name. Text is read as in a task file.
 
         Raises:
-            GoalUnderWay: A goal is under way, so the start of the task is unknown.
+            GoalUnderWay: A goal is under way, so the start pose of the task is unknown.
             TreeError: There is no such task, or its files have mistakes.
         """
-        # A run does not load this module, so that it starts sooner.
+        # Imported here, because a run without a dry run then starts sooner.
         from .preview.dry_run import dry_run
 
         if goal := self._queue.current:
@@ -396,10 +397,10 @@ class Executive:
         return found
 
     def world_mesh(self, name: str) -> bytes | None:
-        """Return a mesh of a body around the arm, or in the last dry run; None if unknown.
+        """Return the file of an obstacle's mesh, also from the last dry run; None if unknown.
 
         Args:
-            name: Its name in the record of a plan.
+            name: Name of the mesh in the record of a plan.
         """
         for world in (self._context.scene.world, *self._planned_worlds):
             if attached := archive_world(world)[1].get(name):
@@ -407,13 +408,13 @@ class Executive:
         return None
 
     def switch_torque(self, on: bool) -> None:
-        """Switch the torque of the servos. Without it, a person moves the arm by hand.
+        """Switch the torque of the servos on or off. Without it, a person can move the arm by hand.
 
         The arm of a single user is activated first.
 
         Raises:
-            HardwareError: The board cannot do this, the arm is not active, or it is outside its
-                limits, so that the torque stays off.
+            HardwareError: The board cannot switch the torque, the arm is not active, or a joint is
+                outside its limits. The torque then stays off.
             LogError: The disk has no room for a recording, so the arm is not activated.
         """
         self.robot.require(Ability.TORQUE)
@@ -429,7 +430,7 @@ class Executive:
 
         Args:
             callback: Callback for every event, from any thread. It must be quick and must not wait
-                for other threads. An exception removes it.
+                for other threads. It is removed if it raises an exception.
 
         Returns:
             Function that removes the callback.
@@ -469,7 +470,7 @@ class Executive:
         return Where.of(self.robot, self._arm.state, commanded, measured)
 
     def record(self, record: logs.Record) -> None:
-        """Record a record from outside, such as a line of the log."""
+        """Write a record of another component, such as a line of the log, to the recording."""
         self._recordings.record(record)
 
     def finish_recording(self) -> None:
@@ -481,24 +482,25 @@ class Executive:
         self._recordings.close()
 
     def _read_move(self, move: Move) -> tuple[Exception | None, str]:
-        """Return the error of a move, or None, and the text of the move."""
+        """Return the error of a move, or None; and the text of the move, empty for an error."""
         try:
             library = self.library.latest
             poses, words = library.poses()[0], " ".join(move.words)
             if words in library.names() and words not in poses_with_home(self.robot, poses):
-                raise BadTarget(f"{words} is a task, not a target: `armtree run {words}`")
+                raise BadTarget(f"{words} is a task, not a target; `armtree run {words}` runs it")
             read = read_move(move, self.robot, poses)
             if read.point and (start := self._known_start(move.relative)):
                 self._check_reach(read.point, start, move.relative)
             return None, move_text(move, read)
         except (SkillError, TreeError, Unreachable) as error:
-            vars(error).update(heading="", hint="")  # the message is complete without the cause
+            vars(error).update(heading="", hint="")  # the message is complete alone
             return error, ""
 
     def _known_start(self, relative: bool) -> Mapping[str, float] | None:
-        """Return the pose to check a point from; None if a change of an unknown pose is checked.
+        """Return the pose from which a point is checked; None if only the skill can check it.
 
-        An active arm may move until the change begins, so the skill checks it then.
+        A relative point depends on the pose when its motion begins, and an active arm may move
+        until then.
         """
         robot, commanded = self.robot, self._commanded()
         if not relative:
@@ -518,7 +520,7 @@ class Executive:
         """
         given = {"point": point, "relative": relative, "start": Positions(start)}
         query = query_tool_target(self.robot, given)
-        self._pool.start()  # planners of a single user start with the first motion
+        self._pool.start()  # the planners of a single user may not be started yet
         answer = self._pool.ask(replace(query, timeout=self.setup.planning_timeout))
         if isinstance(answer, Unreachable):
             raise answer
@@ -559,4 +561,4 @@ class Executive:
 
 
 def _no_run(*_: float) -> None:
-    """Do nothing. Each run replaces this in its own context."""
+    """Do nothing. Each run replaces this function in its own context."""

@@ -13,7 +13,7 @@ _ADVISED = 1024  # smallest advised limit of open files
 
 
 def check_host(planners: int) -> None:
-    """Check that this process can hold an arm and plan.
+    """Check that this process may open enough files for an arm and its planners.
 
     Args:
         planners: Number of planner processes.
@@ -27,12 +27,12 @@ def check_host(planners: int) -> None:
 
 
 def spare_files(planners: int, least: int = 0, most: int = 0) -> int:
-    """Return the number of files that this process may open beside those of an arm.
+    """Return the number of files that this process may open besides those of an arm.
 
     Args:
         planners: Number of planner processes.
-        least: Smallest number that is needed.
-        most: Largest number that is useful; it is returned if the limit is higher.
+        least: Smallest number that the caller needs.
+        most: Largest number that the caller can use; the result is at most this.
 
     Raises:
         HostLimit: The limit of the operating system is too low for `least`.
@@ -41,6 +41,6 @@ def spare_files(planners: int, least: int = 0, most: int = 0) -> int:
     others = len(os.listdir("/proc/self/fd")) + _RESERVED + _PER_PLANNER * planners
     spare = most if limit == resource.RLIM_INFINITY else limit - others
     if spare < least:
-        words = f"this process may open {limit} files, and armtree needs {others + least}"
+        words = f"this process may open {limit} files, but armtree needs {others + least}"
         raise HostLimit(words, f"`ulimit -n {max(_ADVISED, others + most)}`")
     return min(most, spare)

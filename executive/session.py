@@ -1,4 +1,4 @@
-"""Sessions: make an executive from a set-up, for the command line, the server, tests and users."""
+"""Makes an executive from a set-up, for the command line, the server, tests and users."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -36,18 +36,18 @@ def open_executive(
 ) -> Iterator[Executive]:
     """Make the executive of a set-up. Close it and its planners at the end of the context.
 
-    It first recovers incomplete recordings, and deletes old ones. The caller starts the executive.
+    First recover incomplete recordings, and delete old ones. The caller starts the executive.
 
     Args:
         setup: The set-up.
         clock: Time source. Default: real time.
         link: Link to the board. Default: the link of the set-up's port.
-        pool: Planners, which stay open. Default: its own planners.
+        pool: Planners, which the caller closes. Default: new planners, closed at the end.
         operator: Answers the questions of tasks. Default: no operator.
         leader: Hand-guided arm, for tasks that follow it. Default: none.
         subscriber: Callback for every event, from any thread.
-        report: Callback for a line about each recovered or deleted recording, and about the port of
-            a server if it cannot be opened yet.
+        report: Callback for messages: one about each recovered or deleted recording, and one if a
+            server cannot open its port yet.
 
     Raises:
         HostLimit: The operating system lets this process open too few files.
@@ -85,7 +85,7 @@ def open_executive(
 
 
 def _check_port(setup: Setup, link: Link | None, report: Callable[[str], None]) -> None:
-    """Check the port of a link. For a server, its error is only a report."""
+    """Check the port of a link. An error ends the start of a single user; a server reports it."""
     from hardware import SerialLink  # slow to import
 
     if not isinstance(link, SerialLink):
@@ -99,7 +99,7 @@ def _check_port(setup: Setup, link: Link | None, report: Callable[[str], None]) 
 
 
 def _switch_on(link: Link, stack: ExitStack) -> None:
-    """Start the process of a virtual board now, so that the next goal need not wait."""
+    """Start the process of a virtual board now, so that the first goal does not wait for it."""
     from hardware.drivers.virtual.board_process import VirtualLink  # slow to import
 
     if isinstance(link, VirtualLink):
@@ -144,7 +144,7 @@ def _tidy(setup: Setup, clock: Clock) -> Iterator[logs.LogLine]:
         yield _log_line(clock, _recovered(made))
     utc = utc_ns(clock) / 1e9
     for path in prune(setup.recordings, Rule(setup.keep_days, setup.keep_mb), utc):
-        yield _log_line(clock, f"{path}: deleted to make room")
+        yield _log_line(clock, f"{path}: deleted, because of its age or the size of all recordings")
 
 
 def _log_line(clock: Clock, words: str) -> logs.LogLine:

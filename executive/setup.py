@@ -17,20 +17,20 @@ def find_own_trees() -> Path | None:
 
 @dataclass(frozen=True, kw_only=True)
 class Setup:
-    """The set-up: a robot, its tasks, and the options of runs. The settings have the same defaults.
+    """The set-up: a robot, its tasks, and options of runs. `armtree.toml` has the same defaults.
 
     Attributes:
-        robot: Robot file, or a robot; None for the shipped Arduinobot.
+        robot: Path of the robot file, or a loaded robot; None for the shipped Arduinobot.
         port: Serial port, or `virtual`; empty for no port; None for the port of the robot file.
         trees: Folder with task files of your own; None for the shipped tasks only.
         reload: True if each goal uses the latest valid task files; False if they are read once.
-        own_trees: With `reload`, folder to use if `trees` is None, as soon as it exists.
+        own_trees: With `reload`, folder with task files if `trees` is None. It may be made later.
         recordings: Folder for recordings.
         recording_timeout: Longest time that a frame waits for the recording of the previous frame
             [s]. Then the motion ends.
         keep_days: Age at which a recording is deleted [days]; None for never.
-        keep_mb: Largest size of all recordings [MB]. Beyond it, the oldest are deleted. None for no
-            limit.
+        keep_mb: Largest total size of the recordings [MB]. If it is exceeded, the oldest are
+            deleted. None for no limit.
         seed: Seed of planning.
         workers: Number of planner processes.
         planning_timeout: Longest time of a planner [s].

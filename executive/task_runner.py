@@ -26,7 +26,7 @@ class TaskRunner:
     """Runs tasks and moves, and finishes the recording of each.
 
     Args:
-        executive: Runs the tasks. It has a single user.
+        executive: Runs the tasks. Its set-up has `single_user`.
     """
 
     def __init__(self, executive: Executive) -> None:
@@ -126,14 +126,14 @@ class TaskRunner:
                 return self._executive.result(answer.identity, _SLICE)
 
     def _finish(self, outcome: Outcome) -> Outcome:
-        """Finish the recording of a goal. Return its outcome, with an error of the file."""
+        """Finish the recording of a goal. Return the outcome, with the error of the file if any."""
         try:
             self._executive.finish_recording()
         except logs.LogError as error:
             if outcome.success:
                 return replace(outcome, code=error.code, message=str(error))
             cause, words = outcome.cause, str(error)
-            if cause and cause.code == error.code:  # the error of the file knows how it ended
+            if cause and cause.code == error.code:  # the same error, now with the end of the file
                 return replace(outcome, message=words, cause=replace(cause, message=words))
             if cause and words not in cause.message:
                 cause = replace(cause, message=f"{cause.message}; {words}")
@@ -143,7 +143,7 @@ class TaskRunner:
 
 
 def _text(name: str, value: object) -> str:
-    """Return an argument as text for a task file."""
+    """Return the value of an argument as it is written in a task file."""
     try:
         return value if isinstance(value, str) else json.dumps(value)
     except TypeError as error:

@@ -110,10 +110,10 @@ class SimulatedArm:
 
         Args:
             task: Number or name of the task.
-            arguments: Values of its parameters, as in a file.
+            arguments: Values of its parameters, as in a task file.
 
         Raises:
-            UnknownTask: No task has that name.
+            UnknownTask: No task has that number or name.
         """
         link = self._setup.load_robot().simulated_link(self.clock)
         with (
@@ -135,7 +135,7 @@ class SimulatedArm:
             self.records.append(event)
 
     def said(self, name: str) -> list[str]:
-        """Return the messages of the nodes with that name, one for each end of a node."""
+        """Return the messages of the nodes with that name: one each time such a node ended."""
         nodes = [record for record in self.records if isinstance(record, logs.NodeStatus)]
         done = ("SUCCESS", "FAILURE")
         ended = [node for node in nodes if node.name == name and node.status in done]

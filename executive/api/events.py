@@ -86,12 +86,12 @@ class Status:
         percentage: Progress of that goal [%]; None if unknown.
         phase: Phase of the goal, such as `planning`.
         node: Name of the running node.
-        attempt: Number of the attempt, from 1.
+        attempt: Number of the attempt, from 1. Each retry in the tree adds 1.
         waiting: Identities of the goals in the queue.
         policy: Policy for a second goal.
         paused: True if the goal under way is paused.
         breakpoints: Paths of the nodes with a breakpoint.
-        stops: Number of stops since the start, also of an idle arm.
+        stops: Number of stops since the start. Stops of an idle arm count, too.
         uptime: Time since the start [s].
         time: Time of this status, on the clock of the events [s].
     """
@@ -145,18 +145,19 @@ class Where:
     Attributes:
         arm: State of the hardware.
         units: Unit of each actuated joint, `rad` or `m`, by name.
-        limits: Smallest and largest position of each actuated joint [rad], by name; None for a
-            joint without limits.
+        limits: Smallest and largest position of each actuated joint, in its unit, by name; None for
+            a joint without limits.
         boot_wait: Time from opening the port until the board is ready [s].
         commanded: Last commanded position by joint [rad]; None if the arm is not active.
         tool: x, y, z of the tool at the commanded position, in the frame of the robot's root [m];
             None if the arm is not active, or its robot file names no tool.
         width: Distance between the fingers at the commanded position [m]; None if the arm is not
             active, or its robot file has no `pads`.
-        turns: Turns that the arm can make with its tool in place: of `roll`, `pitch` and `yaw`.
+        turns: The turns of the tool that the arm can make while the tool stays at its point:
+            `roll`, `pitch` and `yaw`, or fewer.
         gripper: True if the arm has a gripper.
         measured: Measured position by joint [rad]; None if the arm is not active, or its board
-            measures none. The next six are None in the same cases.
+            measures none. The next six attributes are None in the same cases.
         measured_velocity: Measured velocity by joint [rad/s].
         measured_effort: Measured share of the largest torque of the servo by joint, -1 to 1.
         temperature: Temperature of the servo by joint [C].
@@ -190,7 +191,7 @@ class Where:
         commanded: Mapping[str, float] | None,
         measured: "Measurement | None" = None,
     ) -> "Where":
-        """Return the `Where` of a robot.
+        """Return the position of a robot's arm.
 
         Args:
             robot: The robot.

@@ -1,4 +1,4 @@
-"""The state of the joints as ROS has it, for the bridges to ROS."""
+"""The state of the joints in the form of ROS's `JointState`, for the bridges to ROS."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -11,7 +11,7 @@ from .events import Event, Where
 
 @dataclass(frozen=True, slots=True)
 class JointState:
-    """The last known values of joints: what the board measured, or else what was commanded.
+    """The last known values of joints: measured, or commanded if the board does not measure.
 
     Attributes:
         measured: True if the values are measured.
@@ -53,12 +53,12 @@ class JointState:
                 return None
 
     def of_all_joints(self, robot: Robot) -> "JointState":
-        """Return the values of all joints of a robot, in its order, from the actuated ones.
+        """Return the values of all joints of a robot, computed from those of the actuated joints.
 
         The efforts are unknown if a joint mimics another one, because it has no servo of its own.
 
         Args:
-            robot: The robot. It must have these actuated joints.
+            robot: The robot. It must have these actuated joints. The result has its order.
         """
         position = robot.of_all_joints(self.position)
         velocity = {
@@ -74,5 +74,5 @@ class JointState:
 
     @property
     def frame_id(self) -> str:
-        """Frame of the header in ROS, which joint states do not use: `measured` or `commanded`."""
+        """`measured` or `commanded`: the `frame_id` in ROS, which joint states do not need."""
         return "measured" if self.measured else "commanded"

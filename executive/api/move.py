@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from logs import MOVE
 
 HOME = "home"  # the word for the home of the robot
-LEADER = "leader"  # the word for a hand-guided arm: follow it until a person ends this
+LEADER = "leader"  # the word for a hand-guided arm: follow it until a person ends the move
 
 
 @dataclass(frozen=True, slots=True)
@@ -15,7 +15,7 @@ class Move:
 
     Attributes:
         words: The target; see `read_words`. The word `home` is also a pose; see `poses_with_home`.
-        relative: True if all words are changes: distances of joints, or x y z from the tool.
+        relative: True if all words are changes: of joints, or of x, y, z of the tool.
         speed: Share of the robot's speed, `MIN_SPEED` to 1. The motion takes 1 / speed times as
             long.
     """
@@ -32,7 +32,7 @@ class Move:
         relative: bool,
         speed: float,
     ) -> "Move":
-        """Return a move. Its target may have numbers.
+        """Return a move to a target that may contain numbers.
 
         Args:
             to: Words, or x, y, z of the tool [m]. A text may hold several words.

@@ -1,7 +1,7 @@
 """Every operation of the HTTP interface, one row each.
 
 These rows define the routes, the checks of a request, the OpenAPI document and the requests of the
-clients. The method of `Endpoints` with the name of a row answers it.
+clients. The method of `Endpoints` with the name of a row answers the requests of the row.
 """
 
 from collections.abc import Mapping
@@ -62,7 +62,7 @@ class Operation:
 
     @property
     def stops(self) -> bool:
-        """True if every program may call it, because it stops the arm."""
+        """True if every program may call the operation, because it stops the arm."""
         return self.access is Access.STOP
 
     @property
@@ -77,7 +77,7 @@ class Operation:
     def split(
         self, arguments: Mapping[str, Any]
     ) -> tuple[str, dict[str, Any], dict[str, Any] | None]:
-        """Divide arguments into path, query and body. Arguments with None are left out.
+        """Divide arguments into path, query and body. Arguments that are None are left out.
 
         Returns:
             The path, the query, and the JSON body, or None if the operation takes no body.
@@ -112,18 +112,20 @@ _ACCEPTED = s.answer("Accepted", goal_id=s.GOAL_ID, stamp_ns=s.COUNT)
 _STOPS = s.described(
     s.COUNT,
     "`stops` of the newest status; the goal or activation is refused if the arm was stopped after "
-    "it.",
+    "this status.",
 )
 _NEW_GOAL = {
     "goal_id": s.described(s.GOAL_ID, "Id of the new goal; default a random one."),
-    "deadman": s.described(s.BOOLEAN, "True to cancel the goal when its hold ends; hold it first."),
+    "deadman": s.described(
+        s.BOOLEAN, "True to cancel the goal when its hold ends; hold the goal before you send it."
+    ),
     "stops": _STOPS,
 }
 
 _change_goal = partial(_change, answer=s.GOAL, parameters=_GOAL, body=s.EMPTY)
 
 _RECORDING = {"name": s.RECORDING_NAME}
-_TASK = s.described(s.integer(-1, 2**31 - 1), "Task; -1: moves.")
+_TASK = s.described(s.integer(-1, 2**31 - 1), "Task number; -1 for moves.")
 
 
 def _read_recording(
@@ -177,7 +179,7 @@ _ROWS = (
     _read(
         "/api/meshes/{digest}",
         "mesh",
-        "Return a mesh of the robot, or of a body around it, an STL file.",
+        "Return an STL file: a mesh of the robot, or of an obstacle.",
         parameters={"digest": s.DIGEST},
         media="model/stl",
     ),
@@ -286,7 +288,7 @@ _ROWS = (
     _change(
         "/api/goals/{goal_id}/hold",
         "hold",
-        "Hold a goal: it is canceled when this body ends, or sends nothing for a second.",
+        "Hold a goal. It is canceled if this request's body ends, or sends nothing for a second.",
         s.answer("Released", goal_id=s.GOAL_ID, canceled=s.BOOLEAN),
         _GOAL,
         streams=True,
@@ -294,7 +296,7 @@ _ROWS = (
     _stop(
         "/api/goals/{goal_id}/cancel",
         "cancel_goal",
-        "Cancel a goal, and with `stamp_ns` every goal accepted until then.",
+        "Cancel a goal, and with `stamp_ns` also every goal accepted until that time.",
         s.CANCELED,
         _GOAL,
         s.body(stamp_ns=s.UNTIL),
@@ -368,11 +370,11 @@ _ROWS = (
             "state": s.choice(["SUCCEEDED", "CANCELED", "ABORTED", "UNFINISHED"]),
             "since": s.described(s.STAMP, "Earliest beginning [ns since 1970]."),
             "until": s.described(s.STAMP, "Latest beginning [ns since 1970]."),
-            "before": s.described(s.RECORDING_NAME, "List only those with smaller names."),
+            "before": s.described(s.RECORDING_NAME, "List only recordings with smaller names."),
             "limit": _LIMIT,
         },
     ),
-    _read_recording("", "recording", "Return the start time of a recorded run.", s.TIMELINE),
+    _read_recording("", "recording", "Return start and duration of a recorded run.", s.TIMELINE),
     _read_recording(
         "/events",
         "recorded_events",
@@ -385,7 +387,7 @@ _ROWS = (
         "recorded_series",
         "Return the data of the plots of a whole recording.",
         s.SERIES,
-        points=s.described(s.integer(1, 2000), "Most samples; default 2000."),
+        points=s.described(s.integer(1, 2000), "Largest number of samples; default 2000."),
     ),
     _read_recording("/robot", "recorded_robot", "Describe the robot of a recording.", s.ROBOT),
     _read_recording(
@@ -425,7 +427,7 @@ _ROWS = (
     _change(
         "/api/arm/{transition}",
         "arm",
-        "Take the arm through its lifecycle; activate opens the port, which moves the arm.",
+        "Request a transition of the arm; activate opens the port, which may move the arm.",
         s.answer("Arm", arm=s.ARM_STATE),
         {"transition": _TRANSITION},
         s.body(pose=s.START_POSE, stops=_STOPS),
@@ -445,7 +447,7 @@ _ROWS = (
     _read(
         "/openapi.json",
         "openapi",
-        "Return this document.",
+        "Return this OpenAPI document.",
         Component("OpenApi", {"type": "object"}),
     ),
 )

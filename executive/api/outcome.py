@@ -18,7 +18,7 @@ from .codes import LOST, OK
 
 T = TypeVar("T")
 
-# Attributes of errors with the wrong value, and attributes with its limit.
+# Names of the attributes of errors that hold the wrong value, and of those that hold its limit.
 _VALUES = ("value", "distance")
 _LIMITS = ("limit", "margin", "timeout")
 
@@ -55,9 +55,9 @@ class Cause:
         value: Wrong value: a position [rad], a distance [m] or a time [s].
         limit: Limit of the value, in the same unit.
         hint: Advice for the user.
-        place: Place of a node that is refused before the run, and the places that refer to it, as
-            `FILE:LINE, used by FILE:LINE`; else empty.
-        argument: Name of the argument of the task that has the wrong value; else empty.
+        place: Place in the task files, as `FILE:LINE, used by FILE:LINE`, if a node was refused
+            before the run; else empty.
+        argument: Name of the task's argument with the wrong value; empty if there is none.
     """
 
     code: str
@@ -76,7 +76,7 @@ class Cause:
 
     @property
     def advice(self) -> str:
-        """Advice for the user; empty if the message already has it, in any case of its letters."""
+        """Advice for the user; empty if the message contains it (case is ignored)."""
         return "" if self.hint.lower() in self.message.lower() else self.hint
 
     def to_json(self) -> dict[str, Any]:
@@ -122,7 +122,7 @@ class Ending:
 
     @property
     def hint(self) -> str:
-        """Advice for the user; empty if the message has it."""
+        """Advice for the user; empty if the message contains it, or if there is no cause."""
         return self.cause.advice if self.cause else ""
 
     def to_json(self) -> dict[str, Any]:
@@ -282,7 +282,7 @@ class Acceptance:
         return self.cause.message if self.cause else "accepted"
 
     def to_json(self) -> dict[str, Any]:
-        """Return the answer to a goal that was accepted, as a JSON object."""
+        """Return the answer as a JSON object. The goal must be accepted."""
         return {"goal_id": self.identity, "stamp_ns": self.stamp_ns}
 
 
@@ -313,7 +313,7 @@ class CancelResult:
 
 
 def cause_of(error: Exception, node: str = "", message: str = "") -> Cause:
-    """Return the cause in an error. If it has none, make one from the error.
+    """Return the `cause` of an error. If the error has none, make a cause from the error.
 
     Args:
         error: The error. The cause keeps its joint, value and limit.
@@ -355,7 +355,7 @@ def _number(error: Exception, names: tuple[str, ...]) -> float | None:
 
 
 def _limit(error: Exception) -> float | None:
-    """Return the limit that the value exceeds. If there are two limits, return the nearer one."""
+    """Return `lower` or `upper`, whichever the value exceeds; else the only limit, or None."""
     value = _number(error, _VALUES)
     lower, upper = _number(error, ("lower",)), _number(error, ("upper",))
     if value is None or lower is None or upper is None:

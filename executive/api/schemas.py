@@ -44,7 +44,7 @@ def inlined(schema: Any) -> Any:
 
 
 def body(*required: str, **properties: Any) -> Schema:
-    """Return the schema of a request's body: an object without any other keys.
+    """Return the schema of a request's body: an object with these keys and no others.
 
     Args:
         required: Keys that must be present.
@@ -65,7 +65,7 @@ def described(schema: Any, description: str) -> dict[str, Any]:
 
 
 def array(items: Any, **limits: int) -> dict[str, Any]:
-    """Return the schema of a list, with further keys."""
+    """Return the schema of a list. `limits` are further keys, such as `minItems`."""
     return {"type": "array", "items": items, **limits}
 
 
@@ -104,7 +104,7 @@ def _or_null(schema: Any) -> dict[str, Any]:
 
 
 def field_words(kind: type) -> dict[str, str]:
-    """Return the meaning of the fields of a dataclass, from its docstring and those above it."""
+    """Return the description of each field of a dataclass, from its and its bases' docstrings."""
     docstrings = (cleandoc(each.__doc__ or "") for each in reversed(kind.__mro__))
     found = (pair for each in docstrings for pair in _ATTRIBUTE.findall(each))
     return {name: " ".join(words.split()) for name, words in found}
@@ -115,7 +115,7 @@ def _fields(kind: type, **others: Any) -> dict[str, Any]:
 
     Args:
         kind: The dataclass. The types and the docstring make the schemas.
-        others: Schemas that the types do not give, by name in JSON.
+        others: Schemas that replace those of fields or add keys, by name in JSON.
     """
     words, schemas = field_words(kind), dict[str, Any]()
     for field in fields(kind):
@@ -193,7 +193,7 @@ def words(description: str) -> Schema:
 
 ERROR = answer("Error", **_fields(Cause))
 _ANY_TASK = described(
-    integer(-(2**31), 2**31 - 1), "Number in the request; clients of rosbridge may send any int32."
+    integer(-(2**31), 2**31 - 1), "Task number; clients of rosbridge may send any int32."
 )
 RESULT = answer(
     "Result",
@@ -255,7 +255,7 @@ _JOINT = _object(
         "xyz": _VECTOR,
         "rpy": _VECTOR,
         "axis": _VECTOR,
-        "limits": described(array(NUMBER), "Smallest and largest position, without infinite ones."),
+        "limits": described(array(NUMBER), "Smallest and largest position, if they are finite."),
         "mimic": {
             "type": ["array", "null"],
             "description": "The joint that it follows, the factor, and the offset.",
@@ -267,7 +267,8 @@ _SHAPE = _object(
         "link": TEXT,
         "kind": choice(["box", "sphere", "cylinder", "mesh"]),
         "sizes": described(
-            array(NUMBER), "x, y, z; radius; or radius and length [m]; scale of a mesh."
+            array(NUMBER),
+            "Box: x, y, z. Sphere: radius. Cylinder: radius, length [m]. Mesh: scale.",
         ),
         "mesh": described(TEXT, "Digest for `/api/meshes`; empty for no mesh."),
         "xyz": _VECTOR,
@@ -291,7 +292,7 @@ _INPUT = _object(
         "type": TEXT,
         "unit": described(TEXT, "Unit of the limits; may be empty."),
         "units": described(
-            by_name(NUMBER), "Factor of each unit that a value may have, to the unit of the limits."
+            by_name(NUMBER), "Factor from each allowed unit to the unit of the limits."
         ),
         "needed": BOOLEAN,
         "default": described(TEXT, "As in a task file; empty for none."),
@@ -311,7 +312,7 @@ TASK = answer(
     inputs=by_name(_INPUT),
     wrong=TEXT,
     retry_safe=described(
-        BOOLEAN, "True if it may run again if the end of a run is unknown, as in a fleet."
+        BOOLEAN, "True if the task may run again after a run with an unknown end, as in a fleet."
     ),
 )
 NODE = _object(
@@ -321,24 +322,24 @@ NODE = _object(
         "file": TEXT,
         "line": COUNT,
         "called_at": described(
-            TEXT, "`FILE:LINE` that refers to it, if it is the root of a subtree."
+            TEXT, "`FILE:LINE` that refers to the subtree, if this node is its root."
         ),
         "ports": by_name(TEXT),
     }
 )
 QUESTION = _object({"question_id": QUESTION_ID, "text": TEXT, "choices": array(TEXT)})
 RECORDING_NAME = text(r"^[^/\\\x00-\x1f.][^/\\\x00-\x1f]*\.mcap$", 255, "the name of a recording")
-_CLOCK = described(NUMBER, "From the beginning of the goal [s].")
+_CLOCK = described(NUMBER, "Time from the beginning of the goal [s].")
 RECORDING = answer(
     "Recording",
     name=RECORDING_NAME,
     bytes=COUNT,
-    stamp_ns=described(COUNT, "When it began, UTC [ns since 1970]."),
+    stamp_ns=described(COUNT, "Beginning of the recording, UTC [ns since 1970]."),
     task=_or_null(_ANY_TASK),
     title=TEXT,
     state=described(
         choice(["SUCCEEDED", "CANCELED", "ABORTED", "UNFINISHED", ""]),
-        "`UNFINISHED` if it is being written or was cut off; empty if unknown.",
+        "`UNFINISHED` if the file is being written or was cut off; empty if unknown.",
     ),
     code=TEXT,
     message=TEXT,
@@ -348,7 +349,7 @@ RECORDING = answer(
 TIMELINE = answer(
     "Timeline",
     name=RECORDING_NAME,
-    began_s=described(NUMBER, "When the goal began, as in `time_s` of events."),
+    began_s=described(NUMBER, "Beginning of the goal, on the clock of `time_s` of events [s]."),
     duration_s=NUMBER,
     ended={**BOOLEAN, "description": "False if the end of the run is not in the recording."},
 )
@@ -359,8 +360,8 @@ WINDOW = answer(
     to_s=_CLOCK,
     state=described(array(_EVENT), "Events that give the state before the window."),
     events=array(_EVENT),
-    previous_s=_or_null(described(_CLOCK, "Last step of the run before the window.")),
-    next_s=_or_null(described(_CLOCK, "First step of the run after the window.")),
+    previous_s=_or_null(described(_CLOCK, "Time of the last step of the run before the window.")),
+    next_s=_or_null(described(_CLOCK, "Time of the first step of the run after the window.")),
 )
 _SAMPLES = _object({"times_s": array(_CLOCK), "positions": by_name(array(_or_null(NUMBER)))})
 SERIES = answer(

@@ -19,7 +19,7 @@ HTTP_PORT = 80  # clients omit this port
 SERVER, FLEET = "server", "fleet"  # kinds of files: of `armtree serve`, of `armtree fleet up`
 _MOST = 4096  # largest number of characters to read
 
-# For both ends of a connection: a machine that disappeared is noticed within 30 s.
+# Socket options for both ends of a connection. They notice a lost machine within 30 s.
 KEEPALIVE = (
     (socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1),
     (socket.IPPROTO_TCP, socket.TCP_KEEPIDLE, 15),
@@ -52,7 +52,7 @@ class ServerInfo:
 
 
 def loopback(url: str) -> str:
-    """Return a URL with an address in place of `localhost`, unless TLS checks this name.
+    """Return a URL with 127.0.0.1 in place of `localhost`, unless TLS checks this name.
 
     The name may also mean ::1, and another user's program may listen there.
     """
@@ -76,7 +76,7 @@ def file_of(port: int, kind: str = SERVER) -> Path:
 
 
 def write(port: int, info: ServerInfo, kind: str = SERVER) -> None:
-    """Write the file, readable only by this user, and remove the files of servers that ended.
+    """Write a server's file, readable only by this user. Remove the files of servers that ended.
 
     Raises:
         OSError: The file cannot be written, or other users have access to its folder.
@@ -98,10 +98,10 @@ def runtime_folder() -> Path:
 
 
 def make_folder() -> Path:
-    """Return the runtime folder of this user. Make it if it does not exist.
+    """Return the runtime folder of this user. Make the folder if it does not exist.
 
     Raises:
-        OSError: It cannot be made, or other users have access to it.
+        OSError: The folder cannot be made, or other users have access to it.
     """
     folder = runtime_folder()
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -112,7 +112,7 @@ def make_folder() -> Path:
 
 
 def remove(port: int, info: ServerInfo, kind: str = SERVER) -> None:
-    """Remove the file, unless another server has replaced it."""
+    """Remove a server's file, unless another server has replaced it."""
     if read(port, kind) == info:
         file_of(port, kind).unlink(missing_ok=True)
 

@@ -27,7 +27,7 @@ T = TypeVar("T")
 
 
 class AsyncClient:
-    """A server, for programs that use asyncio. Use it as an asynchronous context.
+    """A client of a server, for programs that use asyncio. Use it as an asynchronous context.
 
     Args:
         url: URL; default ARMTREE_SERVER, then the server on this machine (ARMTREE_TCP_PORT).
@@ -94,8 +94,8 @@ class AsyncClient:
         Args:
             to: The target: names of poses, `joint_1=70deg`, `width=20mm` (gripper), or x, y, z
                 of the tool [m].
-            relative: True if the target is a change: distances of joints, x, y, z from the tool, or
-                turns of the tool, such as `pitch=5deg`.
+            relative: True if the target is a change: of joints, of x, y, z of the tool, or of its
+                orientation, such as `pitch=5deg`.
             speed: Share of the robot's speed, 0.01 to 1.
             deadman: True to cancel the goal if this program dies or stops answering.
             joints: Targets of joints, such as `joint_1="70 deg"`, or a number [rad].
@@ -279,9 +279,9 @@ class AsyncClient:
         )
 
     async def arm(self, transition: str, pose: str | None = None, stops: int | None = None) -> str:
-        """Take the arm through its lifecycle.
+        """Request a transition of the arm's lifecycle, and wait for its end.
 
-        Activating opens the port, which resets the board and moves the arm.
+        Activating opens the port, which may reset the board and move the arm.
 
         Args:
             transition: configure, activate, deactivate, cleanup or shutdown.
@@ -318,7 +318,7 @@ class AsyncClient:
         return await self._call("robot", dict)
 
     async def tasks(self) -> tuple[Task, ...]:
-        """Return the tasks."""
+        """Return the tasks of the server."""
         return await self._call("tasks", lambda answer: tuple(map(Task.from_json, answer["tasks"])))
 
     async def recordings(
@@ -352,7 +352,7 @@ class AsyncClient:
 
     @asynccontextmanager
     async def events(self, *kinds: str) -> AsyncIterator[AsyncIterator[Event]]:
-        """Watch events. The first ones describe the current state.
+        """Watch events. The first events describe the current state.
 
         Args:
             kinds: Kinds of events, such as `goal`, `node`, `status`; default all.
@@ -372,10 +372,10 @@ class AsyncClient:
 
     @asynccontextmanager
     async def hold(self, goal_id: str) -> AsyncIterator[None]:
-        """Hold a goal. Send it within a second. The end of this context cancels it.
+        """Hold a goal: the end of this context cancels it. Send the goal within a second.
 
-        The goal is also canceled if this program dies, or if its machine is unreachable for a
-        second.
+        The goal is also canceled if this program dies, or if the server cannot reach this machine
+        for a second.
         """
         path, _, _ = OPERATIONS["hold"].split({"goal_id": goal_id})
 
@@ -424,7 +424,7 @@ class AsyncClient:
             name: Name of its row in `operations`.
             read: Converts the JSON of the answer.
             extra_time: Time that the answer may take beyond `ANSWER_TIMEOUT` [s].
-            arguments: Parameters, and keys of the body. Values None are left out.
+            arguments: Parameters, and keys of the body. Those that are None are left out.
         """
         operation = OPERATIONS[name]
         path, query, body = operation.split(arguments)

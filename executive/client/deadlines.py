@@ -13,20 +13,20 @@ class AnswerTooSlow(httpcore.ReadTimeout):
 
 
 class _Deadline:
-    """The deadline of the answer to the last request, from the end of that request on."""
+    """The deadline of the answer to the last request. Its time begins when the request is sent."""
 
     def __init__(self, now: Callable[[], float]) -> None:
         self._now = now
         self.restart()
 
     def restart(self) -> None:
-        """Wait for the answer to another request."""
+        """Forget the last answer, because another request is sent."""
         self._end: float | None = None
         self._silence: float | None = None
         self._began = False
 
     def lift(self, silence: float) -> None:
-        """From now on, limit only the time between two pieces [s]: the answer has no end."""
+        """Limit only the time between two pieces [s], because the answer has no end."""
         self._silence = silence
 
     def left(self, timeout: float | None) -> float | None:

@@ -16,7 +16,7 @@ Send = Callable[[AsyncClient, str], Awaitable[str]]
 
 
 class HeldGoals:
-    """The goals of this process. They are canceled if it ends, or can no longer reach the server.
+    """The goals of this process. They are canceled if the process ends or loses the server.
 
     Attributes:
         tasks: asyncio task that holds each goal, by id.

@@ -45,7 +45,7 @@ class ResponseBody:
 
         Raises:
             Refused: The answer is an error.
-            WrongAnswer: It is not an answer of this operation.
+            WrongAnswer: The response is not an answer of this operation.
         """
         try:
             value = strict_json.parse(bytes(self._data))
@@ -55,7 +55,7 @@ class ResponseBody:
         if self._status >= 400 and _fits_schema("", value):
             raise Refused(Cause.from_json(value))
         if self._status != OPERATIONS[name].status or not _fits_schema(name, value):
-            raise WrongAnswer(self._url, f"it answers {self._status}, but its fields are wrong")
+            raise WrongAnswer(self._url, f"it answers {self._status} with wrong fields")
         return value
 
 
@@ -91,7 +91,7 @@ class EventReader:
         try:
             event = event_from_json(strict_json.parse(text))
         except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
-            raise WrongAnswer(self._url, "it sends other events") from error
+            raise WrongAnswer(self._url, "it sends unknown events") from error
         if not has_type(event, type(event)):
             raise WrongAnswer(self._url, "it sends events with wrong fields")
         return event
@@ -106,7 +106,7 @@ def _checker(name: str) -> Any:
 
 
 def _fits_schema(name: str, value: Any) -> bool:
-    """Return True if a value fits an operation's answer; without a name, an error."""
+    """Return True if a value fits the answer of an operation; for an empty name, an error."""
     import fastjsonschema
 
     try:

@@ -27,7 +27,7 @@ T = TypeVar("T")
 
 
 class Client:
-    """A server. Use it as a context; any thread may call.
+    """A client of a server. Use it as a context; any thread may call.
 
     Args:
         url: URL; default ARMTREE_SERVER, then the server on this machine (ARMTREE_TCP_PORT).
@@ -94,8 +94,8 @@ class Client:
         Args:
             to: The target: names of poses, `joint_1=70deg`, `width=20mm` (gripper), or x, y, z
                 of the tool [m].
-            relative: True if the target is a change: distances of joints, x, y, z from the tool, or
-                turns of the tool, such as `pitch=5deg`.
+            relative: True if the target is a change: of joints, of x, y, z of the tool, or of its
+                orientation, such as `pitch=5deg`.
             speed: Share of the robot's speed, 0.01 to 1.
             deadman: True to cancel the goal if this program dies or stops answering.
             joints: Targets of joints, such as `joint_1="70 deg"`, or a number [rad].
@@ -275,9 +275,9 @@ class Client:
         )
 
     def arm(self, transition: str, pose: str | None = None, stops: int | None = None) -> str:
-        """Take the arm through its lifecycle.
+        """Request a transition of the arm's lifecycle, and wait for its end.
 
-        Activating opens the port, which resets the board and moves the arm.
+        Activating opens the port, which may reset the board and move the arm.
 
         Args:
             transition: configure, activate, deactivate, cleanup or shutdown.
@@ -314,7 +314,7 @@ class Client:
         return self._call("robot", dict)
 
     def tasks(self) -> tuple[Task, ...]:
-        """Return the tasks."""
+        """Return the tasks of the server."""
         return self._call("tasks", lambda answer: tuple(map(Task.from_json, answer["tasks"])))
 
     def recordings(
@@ -348,7 +348,7 @@ class Client:
 
     @contextmanager
     def events(self, *kinds: str) -> Iterator[Iterator[Event]]:
-        """Watch events. The first ones describe the current state.
+        """Watch events. The first events describe the current state.
 
         Args:
             kinds: Kinds of events, such as `goal`, `node`, `status`; default all.
@@ -368,10 +368,10 @@ class Client:
 
     @contextmanager
     def hold(self, goal_id: str) -> Iterator[None]:
-        """Hold a goal. Send it within a second. The end of this context cancels it.
+        """Hold a goal: the end of this context cancels it. Send the goal within a second.
 
-        The goal is also canceled if this program dies, or if its machine is unreachable for a
-        second.
+        The goal is also canceled if this program dies, or if the server cannot reach this machine
+        for a second.
         """
         path, _, _ = OPERATIONS["hold"].split({"goal_id": goal_id})
 
@@ -419,7 +419,7 @@ class Client:
             name: Name of its row in `operations`.
             read: Converts the JSON of the answer.
             extra_time: Time that the answer may take beyond `ANSWER_TIMEOUT` [s].
-            arguments: Parameters, and keys of the body. Values None are left out.
+            arguments: Parameters, and keys of the body. Those that are None are left out.
         """
         operation = OPERATIONS[name]
         path, query, body = operation.split(arguments)

@@ -33,7 +33,7 @@ _STEPS = ("connect", "read", "write", "pool")
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """A server, and the headers of every request to it.
+    """The URL of a server, and the headers of every request to it.
 
     Attributes:
         url: URL without a slash at its end.
@@ -47,7 +47,7 @@ class Address:
     def find(
         cls, url: str | None, token: str | None, client: str = "", trusted: bool = True
     ) -> Self:
-        """Find a server.
+        """Return the address of a server.
 
         Args:
             url: URL; default ARMTREE_SERVER, then the server on this machine.
@@ -101,9 +101,10 @@ class Address:
 
 
 def _own_server(url: str) -> token_file.ServerInfo | None:
-    """Return the server of this user for a URL: an exact address, or `localhost`.
+    """Return the running server of this user at a URL, or None.
 
-    Another user's program may listen at other addresses of this machine, such as ::1.
+    The URL must have the server's own address, or `localhost`. Another user's program may listen at
+    other addresses of this machine, such as ::1.
     """
     try:
         parts = urlsplit(url)

@@ -18,8 +18,8 @@ class Task:
         source: `shipped`, or the path of its file.
         parameters: Types of its parameters, by name.
         inputs: Properties of each parameter for a form, by name, as in `GET /api/tasks`.
-        wrong: Mistakes of its file, as a text; empty if it is valid.
-        retry_safe: True if it may run again after a run with an unknown end.
+        wrong: Mistakes of its file, in words; empty if the file is valid.
+        retry_safe: True if the task may run again after a run with an unknown end.
     """
 
     number: int
@@ -67,7 +67,7 @@ class PlannedTask:
     """A task that was checked and planned, without a motion of the arm.
 
     Attributes:
-        events: The events of a run. The last one has the outcome.
+        events: The events of a run. The last event has the outcome.
         unknown: A message for each motion that is known only in a run.
     """
 

@@ -99,8 +99,8 @@ def control_subject(request: str, arm: str = "") -> str:
 def confirm_subject(request: str) -> str:
     """Return the reply subject of a request; `*` for all requests.
 
-    An arm adds its POOL.NAME. The NATS server lets it use no other name, so that no arm can answer
-    for another one.
+    An arm adds its POOL.NAME. The NATS server lets the arm use no other name, so that no arm can
+    answer for another arm.
     """
     return f"fleet.confirm.{request}"
 
@@ -141,7 +141,7 @@ class Fleet:
             after: Revision; only later changes are returned.
 
         Returns:
-            The values, with None for deleted ones, and the `after` of the next call.
+            The values, with None for deleted values; and the `after` of the next call.
         """
         bucket, found, more = _BUCKETS[kind], dict[str, T | None](), True
         prefix = f"$KV.{bucket}."
@@ -280,7 +280,7 @@ async def open_fleet(
 
 
 class _Connection(Nats):
-    """A connection of nats-py that ends if another program answers, and reads until then."""
+    """A connection of nats-py that ends if another program answers, and reads until its end."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -293,7 +293,7 @@ class _Connection(Nats):
         except ssl.SSLError:  # also a ValueError
             raise
         except _CONFUSED as error:
-            raise nats.errors.Error("another program answers there") from error
+            raise nats.errors.Error("another program answers at this address") from error
 
     async def _process_pong(self) -> None:
         # The library would stop reading if the caller no longer waits for this answer.
@@ -302,13 +302,13 @@ class _Connection(Nats):
 
 
 class _Parser(Parser):
-    """Reads what a NATS server sends, and keeps a limited part of it."""
+    """Reads the data of a NATS server, and limits the data that is not processed yet."""
 
     async def parse(self, data: bytes = b"") -> None:
         """Read more data.
 
         Raises:
-            nats.errors.ProtocolError: A NATS server would not send that.
+            nats.errors.ProtocolError: The data is not of a NATS server, or there is too much of it.
         """
         if len(self.buf) > _MOST_UNREAD or self.nc.pending_data_size > _MOST_UNSENT:
             raise nats.errors.ProtocolError
@@ -319,12 +319,12 @@ class _Parser(Parser):
 
 
 class _Watch:
-    """Events of a connection from nats-py.
+    """Handles the events of a connection of nats-py.
 
     Args:
         url: URL of the NATS server.
         connection: The connection.
-        lasting: True if it always reconnects.
+        lasting: True if the connection always reconnects.
         changed: Callback as in `open_fleet`.
 
     Attributes:
@@ -364,7 +364,7 @@ class _Watch:
             await self._changed(False)
 
     async def reconnected(self) -> None:
-        """Report that the connection is back, after its stream and buckets exist."""
+        """Report that the connection is back, when its stream and buckets exist again."""
         self._told.clear()
         self._logged = None
         await _open(self._connection, self._lasting)  # a restart loses buckets in memory
@@ -372,20 +372,20 @@ class _Watch:
             await self._changed(True)
 
     async def closed(self) -> None:
-        """Cancel the user of a closed connection, because its answers will never come."""
+        """Cancel the task that uses a closed connection, because answers will never come."""
         if self._user and not self.closing:
             self._canceled = True
             self._told.append(ConnectionError(_LOST))
             self._user.cancel()
 
     def has_canceled(self) -> bool:
-        """Return True if only `closed` has canceled the user."""
+        """Return True if only `closed` has canceled the task that uses the connection."""
         return bool(self._canceled and self._user and self._user.uncancel() == 0)
 
     def why(self, error: BaseException) -> FleetError:
         """Return the error of armtree for an error of nats-py.
 
-        An earlier message of the NATS server, such as a refusal, says more.
+        An earlier error, such as a refusal by the NATS server, comes first: it has the reason.
         """
         url, words = without_login(self._url), [str(each) for each in (error, *self._told)]
         if any(re.search("authorization|permissions", each, re.IGNORECASE) for each in words):
@@ -460,7 +460,7 @@ def _credentials(url: str) -> dict[str, Any]:
         authority = os.environ.get("ARMTREE_FLEET_CA")
         try:
             found["tls"] = ssl.create_default_context(cafile=authority)
-        except OSError as error:  # also of its format
+        except OSError as error:  # also if the format of the file is wrong
             why = error.strerror or error
             raise BadCredentials("ARMTREE_FLEET_CA", authority or "", why) from error
     return found
@@ -499,7 +499,7 @@ def _own_token(url: str) -> str:
 
 
 async def end_all(*tasks: asyncio.Task[Any]) -> None:
-    """Cancel tasks until they end: `wait_for` of Python 3.11, in nats-py, can lose a cancel."""
+    """Cancel tasks until they end. `wait_for` of Python 3.11, in nats-py, can lose one cancel."""
     left = {task for task in tasks if not task.done()}
     while left:
         for task in left:

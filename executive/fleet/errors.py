@@ -41,10 +41,12 @@ class FleetRefused(FleetError):
     """The NATS server refuses the token, the key, or an action of this role."""
 
     code = "fleet.refused"
-    hint = "set ARMTREE_FLEET_TOKEN, or ARMTREE_FLEET_NKEY to the file of a key that it knows"
+    hint = "set ARMTREE_FLEET_TOKEN, or ARMTREE_FLEET_NKEY to the file of a key of the fleet"
 
     def __init__(self, url: str) -> None:
-        super().__init__(f"the fleet at {url} refuses this program, or its role; {self.hint}")
+        super().__init__(
+            f"the fleet at {url} refuses this program, or an action of its role; {self.hint}"
+        )
 
 
 class UntrustedFleet(FleetError):
@@ -52,8 +54,8 @@ class UntrustedFleet(FleetError):
 
     code = "fleet.untrusted"
     hint = (
-        "set ARMTREE_FLEET_CA to the file of its certificate, or of the one that signed it, and "
-        "use a name of the certificate in the URL"
+        "set ARMTREE_FLEET_CA to the file of this certificate, or of the certificate that signed "
+        "it, and use a name of the certificate in the URL"
     )
 
     def __init__(self, url: str, why: str) -> None:
@@ -102,7 +104,7 @@ class NotStarted(FleetError):
     """The program nats-server does not start."""
 
     code = "fleet.not_started"
-    hint = "see the end of its log; --nats-port chooses another port, --data another folder"
+    hint = "see the end of the log; --nats-port chooses another port, --data another folder"
 
 
 class BadName(FleetError):
@@ -138,7 +140,7 @@ class NameTaken(FleetError):
     hint = "give another --name"
 
     def __init__(self, arm: str, url: str) -> None:
-        super().__init__(f"another worker is {arm}, with the server {url}; {self.hint}")
+        super().__init__(f"another worker has the name {arm}, with the server {url}; {self.hint}")
 
 
 class BadJob(FleetError):
@@ -157,9 +159,10 @@ class PoolNotServed(FleetError):
     hint = "`armtree fleet ls` lists the arms; `armtree serve --fleet URL --pool POOL` adds one"
 
     def __init__(self, pool: str, served: Sequence[str]) -> None:
-        others = ", ".join(served) or "no pool"
+        others = ", ".join(served) or "none"
         super().__init__(
-            f"no arm serves the pool {pool}, so nothing was sent; arms serve {others}; {self.hint}"
+            f"no arm serves the pool {pool}, so nothing was sent; served pools: {others}; "
+            f"{self.hint}"
         )
 
 
@@ -171,7 +174,7 @@ class DuplicateJob(FleetError):
     hint = "`armtree fleet jobs` shows that job; give every job its own id"
 
     def __init__(self, identity: str) -> None:
-        super().__init__(f"the job {identity} was sent before, so nothing was sent; {self.hint}")
+        super().__init__(f"the job {identity} was sent before, and is not sent again; {self.hint}")
 
 
 class UnknownJob(FleetError):
@@ -193,7 +196,9 @@ class DeadlinePassed(FleetError):
     hint = "send the job again if you still want it"
 
     def __init__(self, late: float) -> None:
-        super().__init__(f"no arm was free by its deadline, {late:.1f} s ago, so nothing moved")
+        super().__init__(
+            f"no arm was free before the deadline of the job, {late:.1f} s ago, so nothing moved"
+        )
 
 
 class TooLong(FleetError):
@@ -217,7 +222,7 @@ class ArmLost(FleetError):
 
     def __init__(self, arm: str, url: str, silence: float) -> None:
         super().__init__(
-            f"{arm} ({url}) claimed this job, and has not been heard of for {silence:.0f} s. It "
+            f"{arm} ({url}) claimed this job, but has sent nothing for {silence:.0f} s. The arm "
             "may have moved; see its own recording"
         )
 
@@ -228,8 +233,8 @@ class Confirmation:
 
     Attributes:
         arm: POOL.NAME.
-        error: Error of the request; empty if it is done.
-        goals: Goals that the request concerned.
+        error: Error of the request; empty if the request is done.
+        goals: Identities of the goals that the request concerned.
         seconds: Time from the request to the answer [s].
     """
 
@@ -247,10 +252,10 @@ class NotConfirmed(FleetError):
         confirmed: The answers of the arms that confirmed.
         wanted: Number of arms that should confirm.
         missing: The arms that did not confirm, each with the reason.
-        unheld: Reason that the queues are not held; empty if they are held.
+        unheld: Why the queues are not held; empty if they are held.
 
     Attributes:
-        confirmed, wanted, missing: As above.
+        confirmed, wanted, missing: The arguments of these names.
     """
 
     code = "fleet.not_confirmed"
@@ -266,7 +271,7 @@ class NotConfirmed(FleetError):
     ) -> None:
         words = f"{len(confirmed)} of {wanted} arms confirmed {request}"
         if missing:
-            words += f"; not {', '.join(missing)}"
+            words += f"; not confirmed by {', '.join(missing)}"
         if unheld:
             words += f"; the queues are not held and still deliver jobs ({unheld})"
             again = f"type the {request} again"

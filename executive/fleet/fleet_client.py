@@ -60,8 +60,8 @@ class ArmRow:
     """An arm in a list.
 
     Attributes:
-        member: Entry of its worker.
-        presence: Its last report; None if it is gone.
+        member: Entry of the arm in the list of members.
+        presence: Last report of the arm; None if the arm is gone.
     """
 
     member: Member
@@ -115,7 +115,7 @@ class FleetClient:
             task: Number or name of the task.
             pool: Name of the pool whose arms may run it.
             arguments: Values of the task's parameters, by name.
-            identity: 32 hexadecimal digits; empty to choose one.
+            identity: 32 hexadecimal digits; empty for random ones.
             priority: One of `PRIORITIES`.
             start_within: Longest time until its start [s]; None for no limit.
             end_within: Longest time until its end [s]; None for no limit.
@@ -299,7 +299,7 @@ class FleetClient:
             whom: Pools, and arms as POOL.NAME; empty for all arms.
 
         Raises:
-            NotConfirmed: Some arms did not confirm, or the queues are not held. The error says so.
+            NotConfirmed: Some arms did not confirm, or the queues are not held.
         """
         asked = asyncio.create_task(self.request("stop", whom))
         await asyncio.sleep(0)  # the stop is sent first
@@ -332,7 +332,7 @@ class FleetClient:
         for pool in {arm.partition(".")[0] for arm in whom}:
             info = await self._fleet.stream.consumer_info(JOBS, consumer_of(pool, PRIORITIES[-1]))
             if info.paused:
-                words = f"the arms are resumed, but the queue of {pool} is held since a stop of all"
+                words = f"the arms are resumed, but an earlier stop still holds the queue of {pool}"
                 raise FleetError(f"{words}; `armtree fleet resume {pool}` resumes both")
         return confirmed
 
@@ -406,7 +406,7 @@ class FleetClient:
         return confirmed
 
     async def _hold_queues(self, whom: Sequence[str], hold: bool) -> None:
-        """Hold the queues of whole pools, also for arms that are not connected now."""
+        """Hold or release the queues of whole pools, also for arms that are not connected now."""
         pools = await self.pools()
         for pool in pools.keys() & {*whom} if {*whom} else pools:
             for priority in PRIORITIES:

@@ -19,7 +19,7 @@ class JobRequests:
     """The requests of one arm.
 
     Waiting requests share an inbox that accepts one message: a job, or "no job". The NATS server
-    then closes the inbox, and keeps its other messages.
+    then closes the inbox, and delivers no further job to it.
 
     Args:
         fleet: The fleet.
@@ -34,7 +34,7 @@ class JobRequests:
         self._withdrawn = False
 
     async def next(self) -> Msg | None:
-        """Return the queued job of the highest priority; None if no job comes for a while."""
+        """Return the queued job of the highest priority; None if no job comes in time."""
         self._withdrawn = False
         for priority in PRIORITIES[:-1]:
             if found := await self._ask([priority], _ANSWER_SECONDS, no_wait=True):
@@ -42,7 +42,7 @@ class JobRequests:
         begin = (loop := asyncio.get_running_loop()).time()
         longest = _PULL_SECONDS + _ANSWER_SECONDS
         found = await self._ask(PRIORITIES, longest, expires=round(_PULL_SECONDS * 1e9))
-        if self._inbox and not self._forgotten.is_set():  # all requests there have expired
+        if self._inbox and not self._forgotten.is_set():  # all requests of the inbox have expired
             await self._inbox.unsubscribe()
             self._inbox = None
         # An early empty answer: the NATS server refuses the request.
@@ -96,4 +96,4 @@ class JobRequests:
         if not self._answer.done():
             return None
         message, self._inbox = self._answer.result(), None
-        return message if message.reply else None  # only a job can be acknowledged
+        return message if message.reply else None  # only a job has a subject for its reply

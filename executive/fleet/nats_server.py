@@ -47,8 +47,8 @@ class NatsOptions:
         port: TCP port.
         certificate: TLS certificate of the server, or None.
         key: Private key of the certificate.
-        nkeys: File with the public keys that may connect, one each line: `operator KEY`, or
-            `arm KEY POOL.NAME`. None to accept the token instead; programs of this user find it.
+        nkeys: File with the public keys that may connect, one per line: `operator KEY`, or
+            `arm KEY POOL.NAME`. None to accept a token, which programs of this user find.
     """
 
     data: Path
@@ -76,7 +76,7 @@ class NatsOptions:
 
         Raises:
             FleetUnsafe: Other machines could connect without encryption or without keys.
-            FleetMissing: There is no nats-server.
+            FleetMissing: The program nats-server is not installed.
             NotStarted: One file for TLS is missing.
             FileNotFoundError: A file for TLS does not exist.
         """
@@ -86,7 +86,7 @@ class NatsOptions:
         if bool(self.certificate) != bool(self.key):
             raise NotStarted("TLS needs both --tls-cert and --tls-key")
         for path in filter(None, (self.certificate, self.key)):
-            path.stat()  # nats-server would name its own configuration instead
+            path.stat()  # an error of nats-server would not name this file
         _program()
 
 
@@ -146,7 +146,7 @@ def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Pope
                 stdout=output,
                 stderr=output,
                 pass_fds=(lock,),
-                start_new_session=True,  # Ctrl-C is for armtree, which ends it in order
+                start_new_session=True,  # Ctrl-C is for armtree, which then ends nats-server
             )
     info = token_file.ServerInfo(options.url, token, process.pid)
     try:
@@ -168,7 +168,7 @@ def nats_server(options: NatsOptions, clock: Clock) -> Iterator["subprocess.Pope
 def _locked(folder: Path, clock: Clock) -> Iterator[int]:
     """Lock a data folder: a second NATS server there would damage the stored jobs.
 
-    The first one inherits the lock, and holds it until it ends. It ends soon after a killed fleet.
+    nats-server inherits the lock, and holds it until its end, which follows soon if armtree dies.
 
     Raises:
         NotStarted: Another NATS server uses the folder.
@@ -211,7 +211,7 @@ def _check_address(options: NatsOptions) -> None:
             ) from error
 
 
-# Python of a process that becomes another program. The system sends it SIGTERM if its parent dies.
+# Program that becomes another program. The system sends it SIGTERM if its parent dies.
 _BECOME = """
 import ctypes, os, signal, sys
 PR_SET_PDEATHSIG = 1  # of <sys/prctl.h>
@@ -280,7 +280,7 @@ def _users(path: Path) -> list[dict[str, Any]]:
 
 
 def _permissions(pool: str, name: str) -> dict[str, Any]:
-    """Return the subjects of an arm. It can neither send jobs, nor stop or be another arm.
+    """Return the subjects that an arm may use. They allow no jobs, stops, or names of other arms.
 
     Raises:
         BadName: A name is malformed.

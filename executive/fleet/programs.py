@@ -51,12 +51,12 @@ _MOST_FETCHED = 2**30  # largest recording that is fetched [bytes]
 
 
 def run(url: str, act: Act, interrupted: Act | None = None) -> None:
-    """Connect to a fleet, and call a function with its client.
+    """Connect to a fleet, and call a function with a client of the fleet.
 
     Args:
         url: URL of the fleet.
         act: The function. Ctrl-C ends it.
-        interrupted: Called after Ctrl-C.
+        interrupted: Function that is called after Ctrl-C, or None.
 
     Raises:
         FleetError: The fleet cannot be reached, or it refuses the request.
@@ -84,7 +84,7 @@ def up(url: str, http_port: int, own: NatsOptions | None = None) -> None:
     Args:
         url: URL of the NATS server.
         http_port: TCP port of the page; 0 for any free one.
-        own: Options of the NATS server, to run it during that time; None if it runs already.
+        own: Options of a NATS server to run until the signal; None if one already runs at `url`.
 
     Raises:
         FleetError: nats-server cannot start or has ended, its data folder is gone, or another
@@ -115,7 +115,7 @@ def up(url: str, http_port: int, own: NatsOptions | None = None) -> None:
                         )
                     if own and not own.data.is_dir():
                         raise FleetError(
-                            f"the data folder {own.data} is gone, and a job there would be lost, "
+                            f"the data folder {own.data} is gone, and new jobs would be lost, "
                             "so the fleet ends. Start it again: armtree fleet up"
                         )
             finally:
@@ -222,9 +222,8 @@ async def fetch_recording(
         client: The fleet.
         identity: Id of the job.
         folder: Folder for the file.
-        server: URL of the server; it gets ARMTREE_TOKEN. None for the URL that the arm has named.
-            That server does not get the token, because an arm must not get the token of another
-            one.
+        server: URL of the server, which gets ARMTREE_TOKEN. None for the URL that the arm has
+            named, without the token: an arm must not get the token of another arm.
 
     Returns:
         The path of the file.
@@ -242,7 +241,7 @@ async def fetch_recording(
     name, url = Path(result.recording).name, server or found.url
     path = folder / name
     if not re.fullmatch(RECORDING_NAME["pattern"], name):
-        raise FleetError(f"{found.arm} calls its recording {name!r}, so nothing was written")
+        raise FleetError(f"{found.arm} names no valid recording: {name!r}; nothing was written")
     address = Address.find(url, None, trusted=bool(server))
     request = address.request("GET", f"/api/recordings/{name}/file")
     try:
@@ -280,5 +279,5 @@ async def _fetch(url: str, request: dict[str, Any], path: Path) -> None:
 
 
 _WITH_TOKEN = (
-    "A server that needs its token gets it by ARMTREE_TOKEN=TOKEN armtree fleet logs JOB --from URL"
+    "If the server needs its token, type: ARMTREE_TOKEN=TOKEN armtree fleet logs JOB --from URL"
 )

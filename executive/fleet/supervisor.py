@@ -60,7 +60,7 @@ class Supervisor:
             await asyncio.sleep(_SWEEP_SECONDS)
 
     async def _log_waiting(self) -> None:
-        """Log the pools whose jobs wait for an arm, once for each change of their arms."""
+        """Log the pools whose jobs wait for an arm, at each change of the states of their arms."""
         waiting = await FleetClient(self._fleet, self._clock).waiting()
         arms = {pool: words.partition(";")[0] for pool, words in waiting.items()}
         for pool, words in arms.items():

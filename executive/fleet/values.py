@@ -1,4 +1,4 @@
-"""The stored values of a fleet: a job, its record, an arm. Only this file knows their JSON."""
+"""The stored values of a fleet: a job, its record, an arm. Only this file reads and writes them."""
 
 import json
 import re
@@ -90,7 +90,7 @@ class Member:
         host: Name of its machine.
         worker: Identity of its worker process.
         joined_ns: Time of joining, UTC [ns since 1970].
-        held: Reason that it takes no jobs until a resume; empty if it takes jobs.
+        held: Why the arm takes no jobs until a resume; empty if it takes jobs.
     """
 
     arm: str
@@ -132,7 +132,7 @@ def to_bytes(value: Any) -> bytes:
 
 
 def to_json(value: Any) -> dict[str, Any]:
-    """Return a value of this file as a JSON object, also nested values."""
+    """Return a value of this file as a JSON object. The encoder also calls it for nested values."""
     if isinstance(value, Ending):  # without the task of an `Outcome`, because readers drop it
         return {name: each for name, each in value.to_json().items() if name != "task"}
     return {name: getattr(value, name) for name in _names(value.__class__)}

@@ -109,7 +109,7 @@ def make_app(client: FleetClient, supervisor: Supervisor) -> Starlette:
     routes += [Route("/arms", arms), Route("/metrics", metrics)]
     return Starlette(
         routes=routes,
-        # Pages of other sites must not read it under another name of this machine.
+        # Pages of other sites must not read this page under another name of this machine.
         middleware=[Middleware(TrustedHostMiddleware, allowed_hosts=[ADDRESS, "localhost"])],
         exception_handlers=dict.fromkeys(GONE, gone),
     )
@@ -146,7 +146,7 @@ class _Figures(Collector):
             ("claimed", "Jobs that an arm has claimed, and that have not ended.", self._claimed),
         ):
             yield GaugeMetricFamily(f"armtree_fleet_jobs_{name}", words, value=number)
-        words = "Jobs that ended, of those whose record is kept when `armtree fleet up` starts."
+        words = "Jobs that ended, also before this start, as long as their records were kept."
         by = ["pool", "state", "code"]
         ended = CounterMetricFamily("armtree_fleet_jobs_ended", words, labels=by)
         for key, number in sorted(self._ended.items()):

@@ -49,7 +49,7 @@ _SPREAD = 0.3, 1.0  # delay of a presence after a change [s]
 _LAST_SECONDS = 3.0  # longest time for the last result after `end`
 _PAUSE_SECONDS = 1.0  # delay before a failed step is repeated
 _STORE_SECONDS = 0.1  # longest time that the confirmation of a stop waits until its hold is stored
-_ATTEMPTS = 10  # longest time to reach the server of the arm for a result
+_ATTEMPTS = 10  # largest number of attempts to reach the server of the arm for a result
 # Codes of refusals before any motion, so that another arm may run the job.
 _NOT_NOW = (GoalBusy.code, QueueFull.code)
 
@@ -82,8 +82,8 @@ class Worker:
         self.arm = f"{pool}.{name}"
         self._me = uuid.uuid4().hex
         self._presence = Presence(self._me, UNREACHABLE)
-        self._held = ""  # reason that it takes no job; empty if it takes jobs
-        self._stops: int | None = None  # stops that the server has counted; None if unknown
+        self._held = ""  # why the arm takes no job; empty if it takes jobs
+        self._stops: int | None = None  # number of stops of the server; None if unknown
         self._canceled: set[str] = set()  # jobs that the fleet has canceled
         self._revision = 0  # revision of the stored presence; 0 if it is not stored
         self._joined_ns = utc_ns(clock)
@@ -97,7 +97,7 @@ class Worker:
         self._idle.set()
 
     async def run(self) -> None:
-        """Serve the pool until `end`.
+        """Run jobs of the pool until `end` is called.
 
         Raises:
             NameTaken: Another worker has that name.
@@ -126,25 +126,25 @@ class Worker:
 
         Args:
             in_order: False if the server of the arm has died. The arm then remains a member, so
-                that a stop names it.
+                that a stop reports it as missing.
         """
         self._in_order = in_order
         self._ending.set()
 
     @property
     def _refusal(self) -> str:
-        """Reason that it takes no job; empty if it takes jobs."""
+        """Why the arm takes no job; empty if it takes jobs."""
         return "ending" if self._ending.is_set() else self._held
 
     async def reconnected(self) -> None:
-        """Request a job again: a reconnect, or a stop of the queue, has ended the last request."""
+        """Request a job again, because a reconnect or a stop has ended the last request."""
         self._changed.set()
         self._requests.repeat()
 
     async def _join(self) -> None:
-        """Store presence and member. The name of a dead worker is free after a while.
+        """Store presence and member. Wait if a dead worker had the name: it becomes free.
 
-        A stop also holds the arm after a restart of its worker.
+        An arm that a stop holds is also held by a new worker.
         """
         end = self._clock.now() + ALIVE_SECONDS + 2 * _PAUSE_SECONDS
         while True:
@@ -186,7 +186,7 @@ class Worker:
 
     async def _store_member(self) -> None:
         """Store the member and the consumers of its pool, if the NATS server may not know them."""
-        async with self._storing:  # so that no older hold is stored after a newer one
+        async with self._storing:  # so that no older hold is stored after a newer hold
             if self._member is None and await self._fleet.add_consumers(self._pool):
                 self._held = self._held or _BY_FLEET
             host = socket.gethostname()
@@ -255,7 +255,7 @@ class Worker:
 
     async def _status(self) -> Status:
         """Return the status of the server. Hold the arm if it was stopped, also while idle."""
-        async with self._looking:  # so that no older count comes after a newer one
+        async with self._looking:  # so that no older count comes after a newer count
             status = await self._server.status()
             if self._stops is not None and status.stops > self._stops:
                 self._hold_after_stop()
@@ -298,8 +298,8 @@ class Worker:
         if not ready:
             await message.nak()
             return
-        # The hold protects the job. If this process pauses or dies for a second, the server cancels
-        # the goal, or refuses a later one.
+        # If this process dies or pauses for a second, the hold ends. The server then cancels the
+        # goal, or refuses the goal if it arrives later.
         async with self._server.hold(job.identity):
             async with self._sending:
                 record, revision, left = await self._claim(message, job, safe)
@@ -336,7 +336,7 @@ class Worker:
         return None
 
     async def _release(self, identity: str, revision: int) -> None:
-        """Give back a refused job. Wait as long as the NATS server is gone."""
+        """Remove the claim of a refused job. Wait as long as the NATS server is gone."""
         while True:
             try:
                 await self._fleet.jobs.delete(identity, last=revision)
@@ -347,7 +347,7 @@ class Worker:
                 await asyncio.sleep(_PAUSE_SECONDS)
 
     async def _result(self, job: Job, left: float | None) -> Ending:
-        """Wait for the end of a job. Cancel it after a time [s]; None for no limit."""
+        """Wait for the end of a job. Cancel the job after `left` [s]; None for no limit."""
         waiting = asyncio.create_task(self._end_of(job.identity))
         try:
             in_time, _ = await asyncio.wait((waiting,), timeout=left)
@@ -473,7 +473,8 @@ class Worker:
                     mine, revision = replace(mine, late=True), found[1]
             except GONE as error:
                 if not told:
-                    logger.warning("Fleet: gone (%s); the result waits until it is back", error)
+                    words = "Fleet: the NATS server is gone (%s); the result is stored later"
+                    logger.warning(words, error)
                 told = True
                 await asyncio.sleep(_PAUSE_SECONDS)
 

@@ -19,7 +19,7 @@ logger = logging.getLogger(__name__)
 
 _END_SECONDS = 5.0  # longest time for the last result
 _FIRST_DELAY, _LONGEST_DELAY = 1.0, 60.0  # time before a new start [s]
-_REFUSED = FleetError.exit_status, BadName.exit_status  # a new start would not help
+_REFUSED = FleetError.exit_status, BadName.exit_status  # statuses after which no start succeeds
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,7 +45,7 @@ class FleetPlace:
 
 
 def machine_name() -> str:
-    """Return the name of this machine, as the name of its arm."""
+    """Return the name of this machine in the form of an arm's name."""
     return re.sub(r"[^\w-]", "-", socket.gethostname(), flags=re.ASCII)[:32]
 
 
@@ -72,7 +72,7 @@ def worker_of(place: FleetPlace, server: str, token: str, page: str) -> Iterator
             stdout=subprocess.DEVNULL,
             # Every user of this machine can read the words of a command.
             env={**os.environ, "ARMTREE_TOKEN": token, "ARMTREE_FLEET": place.url},
-            start_new_session=True,  # Ctrl-C is for this process, which ends the worker in order
+            start_new_session=True,  # Ctrl-C is for this process, which then ends the worker
         )
 
     clock = RealClock()
@@ -101,7 +101,10 @@ class RunningWorker:
         self._process: subprocess.Popen[bytes] | None = None
 
     def keep(self) -> None:
-        """Start it, again with a growing delay, until `end` or until the fleet refuses it."""
+        """Keep the worker running until `end`, or until the fleet refuses it.
+
+        The delay before each new start grows.
+        """
         delay = _FIRST_DELAY
         while True:
             begun, status = self._clock.now(), None
@@ -126,10 +129,10 @@ class RunningWorker:
             delay = min(2 * delay, _LONGEST_DELAY)
 
     def _run(self) -> int | None:
-        """Run it once. Return its status, or None if `end` was called before.
+        """Run the worker once. Return its exit status, or None if `end` was called before.
 
         Raises:
-            OSError: It cannot be started.
+            OSError: The process cannot be started.
         """
         with self._signal:
             if self._ended:
@@ -141,7 +144,7 @@ class RunningWorker:
         return process.wait()
 
     def end(self) -> None:
-        """End it in order, so that it leaves the fleet. Otherwise a stop reports it as missing."""
+        """Ask the worker to end and leave the fleet. Otherwise a stop reports it as missing."""
         with self._signal:
             self._ended = True
             self._signal.notify()

@@ -32,7 +32,7 @@ def check_node(library: "LiveLibrary", path: str) -> None:
     tasks = library.latest.names()
     name = path.partition("/")[0]
     if name not in tasks:
-        likely = suggestion(name, tasks) or f"; it begins with a task's name: {', '.join(tasks)}"
+        likely = suggestion(name, tasks) or f"; a path begins with a task: {', '.join(tasks)}"
         raise NoSuchNode(f"no task is called {name}{likely}")
     nodes = [row["path"] for row in library.nodes(tasks[name])]
     if path not in nodes:
@@ -45,7 +45,7 @@ class Breakpoints:
 
     Args:
         marked: Paths of the nodes with a breakpoint. A breakpoint at an inner node applies to the
-            first skill below it that starts. All runs share the set, and it may change.
+            first skill in its subtree that starts. All runs share the set, which may change.
         mailbox: Mailbox of the run.
     """
 

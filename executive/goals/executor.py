@@ -110,7 +110,7 @@ class GoalExecutor:
         Returns:
             The error, or None.
         """
-        identity = uuid.uuid4().hex  # its tree shares no keys with the tree of a goal
+        identity = uuid.uuid4().hex  # so that this tree shares no keys with the tree of a goal
         attempt = _Attempt(Goal(identity, task, arguments, 0.0, 0, Mailbox(self._clock)))
         self._try(attempt, self._build)
         self._discard(attempt)
@@ -145,7 +145,7 @@ class GoalExecutor:
         goal = attempt.goal
         with self._stopper.skill_code(goal):
             self._try(attempt, self._build)
-        if goal.outcome is None:  # if False, the build took too long and the goal was aborted
+        if goal.outcome is None:  # else the build took too long, and the goal was aborted
             self._try(attempt, self._open)
             if attempt.error is None:
                 self._try(attempt, self._run)
@@ -162,7 +162,7 @@ class GoalExecutor:
         except _KNOWN as error:
             if attempt.error:
                 logger.error("%s", error)
-            # Its goal, which is kept, and the arm hold the error; the traceback holds the tree.
+            # The goal and the arm keep the error. Its traceback would keep the tree in memory.
             attempt.error = attempt.error or error.with_traceback(None)
         except Exception as error:  # also a bug must end the goal
             logger.exception("a bug in armtree")
@@ -202,10 +202,10 @@ class GoalExecutor:
         start: dict[str, float] = {}
         with suppress(NotActive):
             start = self._context.robot.by_joint(self._arm.commanded)
-        # A tree that was refused has files, too.
+        # The error of a refused tree also has its files.
         files = attempt.tree.files if attempt.tree else getattr(attempt.error, "files", {})
         self._recordings.open(goal.status, name, self._context.seed, files, start)
-        # Log after that, so that the lines are in the recording after its first event.
+        # Log when the recording is open, so that these lines follow its first event.
         sender = f" from {goal.client}" if goal.client else ""
         logger.info("Executing the goal for %s (%s)%s", *goal.name, sender)
         if attempt.warning:
@@ -233,7 +233,7 @@ class GoalExecutor:
             raise ActivationStopped("canceled before the arm moved")
         if self._single_user:
             self._activate()
-        self._arm.check_active()  # first, because it also detects a fault that is being reported
+        self._arm.check_active()  # before the next check: it finds a fault that is being reported
         if goal.mailbox.fault:
             raise goal.mailbox.fault
 

@@ -36,7 +36,7 @@ class Goal:
         outcome: The outcome; None before the end.
         ended: Time of the end [s].
         text: Text of a move; empty for a task.
-        client: Name of the program that sent it; empty if unknown.
+        client: Name of the program that sent the goal; empty if unknown.
         stops: Number of pending stops of the arm. The goal ends after all of them.
     """
 
@@ -72,7 +72,7 @@ class Goal:
         """Change the state.
 
         Raises:
-            ValueError: The table has no such transition.
+            ValueError: `NEXT` has no such transition.
         """
         if state not in NEXT[self.state]:
             raise ValueError(f"a goal that is {self.state.name} cannot become {state.name}")

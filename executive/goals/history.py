@@ -29,7 +29,7 @@ class _RecordedGoal:
 
     @property
     def outcome(self) -> Outcome:
-        """The recorded outcome. If it is missing, the outcome is that the server ended first."""
+        """The recorded outcome; if it is missing, one with the cause `ServerRestarted`."""
         path = str(self.own.path) if self.own else ""
         if self.result:
             return Outcome.from_record(self.result, path)
@@ -42,11 +42,11 @@ class _RecordedGoal:
 
 
 def load_goal_history(folder: Path, since: float) -> Iterator[tuple[str, int, Outcome]]:
-    """Yield the goals of earlier servers, and all goals without an end.
+    """Yield the goals of earlier servers, and all other goals whose end is not recorded.
 
     Args:
         folder: Folder of recordings.
-        since: Earliest time of a recording [s since 1970].
+        since: Ignore recordings that were last changed before this time [s since 1970].
 
     Yields:
         Identity, time of acceptance [ns since 1970] and outcome, in order of acceptance.

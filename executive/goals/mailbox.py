@@ -27,7 +27,7 @@ class Mailbox:
         self._signal = clock.signal()
         self._woken = self.canceled = self.paused = self.stepping = False
         self.fault: Exception | None = None
-        self._deadline = math.inf  # requested tick, in the time of the run [s]
+        self._deadline = math.inf  # time of the requested tick, in the time of the run [s]
         self.paused_time = 0.0
 
     def wake_at(self, time: float) -> None:
@@ -56,7 +56,7 @@ class Mailbox:
             self._signal.notify()
 
     def resume(self, step: bool = False) -> bool:
-        """Resume a paused run. A run that steps continues without a pause.
+        """Resume a paused run. Without `step`, also end the steps of a run that steps.
 
         Args:
             step: True to pause again before the next node starts.
@@ -84,7 +84,7 @@ class Mailbox:
         return self.canceled or self.fault is not None
 
     def wait(self) -> None:
-        """Wait for a post, or for the earliest requested time."""
+        """Wait until another thread posts a request, or until the time of the requested tick."""
         with self._signal:
             while not (self._woken or self.paused or self.stopping or self._due):
                 until = None if self._deadline == math.inf else self._deadline + self.paused_time
@@ -109,7 +109,7 @@ class Mailbox:
         """Wait until a condition is true. Return False after the timeout.
 
         Args:
-            condition: Callback that is checked after every post.
+            condition: Callback that returns True at the end. It is called after every post.
             timeout: Longest time to wait [s].
         """
         until = self._clock.now() + timeout

@@ -15,7 +15,7 @@ def ignore(_: QuestionStatus) -> None:
 
 
 class Questions:
-    """An operator for programs. Any thread may list the open questions and answer them.
+    """The open questions of tasks, as an operator. Any thread may list and answer them.
 
     Args:
         clock: Time source.
@@ -38,7 +38,7 @@ class Questions:
         self.changed(self._status(identity, question))
 
     def withdraw(self, question: Question) -> None:
-        """Close a question, because its task does not wait for the answer."""
+        """Close a question, because its task no longer waits for the answer."""
         with self._lock:
             closed = [name for name, each in self._open.items() if each is question]
             for identity in closed:
@@ -60,7 +60,7 @@ class Questions:
             words: One of its choices, or an unambiguous abbreviation.
 
         Returns:
-            The answer that counts.
+            The answer that counts, written as the choice.
 
         Raises:
             UnknownQuestion: No open question has that identity.

@@ -41,7 +41,7 @@ from .mailbox import Mailbox
 _IDENTITY = re.compile("[0-9a-f]{32}")
 WAITING = 100  # longest queue of goals
 KEPT = 1000  # number of ended goals to keep, which bounds the memory of a server
-NO_GOAL = "0" * 32  # identity for no goal in a cancel, as in ROS 2
+NO_GOAL = "0" * 32  # identity in a cancel that names no goal, as in ROS 2
 
 
 class GoalQueue:
@@ -52,16 +52,16 @@ class GoalQueue:
     Args:
         clock: Time source.
         policy: Policy for a second goal.
-        keep: Time for which an ended goal is kept [s], unless `KEPT` others have ended after it.
-            Negative for no limit.
-        changed: Callback for every change, in order and from any thread. It must be quick and must
-            not wait for other threads.
+        keep: Time for which an ended goal is kept [s]; negative for no limit. Of more than `KEPT`
+            ended goals, the oldest are forgotten earlier.
+        changed: Callback for every change of a goal, in order and from any thread. It must be quick
+            and must not wait for other threads.
 
     Attributes:
         keep: Time for which an ended goal is kept [s].
         running: The goal under way, or None.
         stops: Number of cancels that named no goal. They always stop the arm.
-        signal: Lock of the goals. It is notified of every change.
+        signal: Lock of the goals. A thread that waits for it is woken at changes of goals.
     """
 
     def __init__(
@@ -174,7 +174,7 @@ class GoalQueue:
             self.signal.notify()
 
     def take(self) -> Goal | None:
-        """Wait for the next goal and begin to execute it. Return None after `close`."""
+        """Wait for the next goal and begin to execute it. Return None if the queue is closed."""
         with self.signal:
             while not self._waiting and not self._closed:
                 self.signal.wait(None)
@@ -190,15 +190,19 @@ class GoalQueue:
             self._wait_for_stops(goal)
 
     def finish(self, goal: Goal, outcome: Outcome) -> None:
-        """End the goal under way. The next one may then begin."""
+        """End the goal under way. The next goal may then begin."""
         with self.signal:
-            self._wait_for_stops(goal)  # a late stop would hit the next goal
+            self._wait_for_stops(goal)  # a late stop would stop the next goal
             self.running = None
             if goal.outcome is None:
                 self._end(goal, outcome)
 
     def abort_blocked(self, goal: Goal, outcome: Outcome) -> bool:
-        """End a goal that blocks the executor, and all waiting goals. False if it has ended."""
+        """End a goal that blocks the executor, and all waiting goals.
+
+        Returns:
+            False if the goal had already ended.
+        """
         with self.signal:
             if goal.outcome:
                 return False
@@ -256,13 +260,13 @@ class GoalQueue:
 
     @property
     def current(self) -> Goal | None:
-        """The running goal or the next one, or None."""
+        """The running goal, else the first waiting goal, else None."""
         with self.signal:
             return self.running or next(iter(self._waiting), None)
 
     @property
     def waiting(self) -> tuple[str, ...]:
-        """Identities of the goals behind the current one, next goal first."""
+        """Identities of the waiting goals after the current goal, in the order of execution."""
         with self.signal:
             waiting = islice(self._waiting, 0 if self.running else 1, None)
             return tuple(goal.identity for goal in waiting)
@@ -298,7 +302,7 @@ class GoalQueue:
         busy = self.current
         if busy and self.blocked:
             return _blocked(busy)
-        if invalid:  # first, because waiting would not help
+        if invalid:  # checked before the policy, because an invalid goal stays invalid
             return invalid
         if busy and self._policy is Policy.REJECT:
             return GoalBusy(f"goal {busy.identity} for {goal_title(busy.task)} is under way")
@@ -308,7 +312,7 @@ class GoalQueue:
         return None
 
     def _preempt(self, identity: str) -> Goal | None:
-        """Make room for a goal. Return the goal under way, or None."""
+        """Abort all other goals for a new goal. Return the goal under way, or None."""
         error = GoalPreempted(identity)
         self._abort_waiting(error)
         if running := self.running:

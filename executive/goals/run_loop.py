@@ -92,7 +92,7 @@ class Run:
         """Tick until the tree ends, the goal is canceled, or something fails.
 
         Raises:
-            Exception: Error outside the tree.
+            Exception: An error outside the tree ended the run.
             CancelTimeout: A skill did not stop before the deadline.
         """
         self._record_changes()
@@ -103,7 +103,7 @@ class Run:
             self._stopper.wait_for_tree(self._goal, self._busy)
             self._finish()
         finally:
-            self._tree.halt()  # an exception leaves the nodes above it running
+            self._tree.halt()  # after an exception, the parents of its node are still running
 
     def _tick_until_end(self) -> None:
         root, mailbox = self._tree.root, self._mailbox
@@ -113,7 +113,7 @@ class Run:
                 break
             self._guard(self._pause if mailbox.paused else self._tick)
         self.moving = next((each.path for each in self._nodes if each.moving), "")
-        # The skill may fail due to the stop.
+        # The stop may make a skill, and with it the tree, fail.
         if root.status is not Status.SUCCESS and mailbox.stopping:
             root.stop(Status.INVALID)
             self._arm.stop()
@@ -149,7 +149,7 @@ class Run:
         self._broken = self._broken or error
 
     def _pause(self) -> None:
-        """Pause the skills, and wait for a resume."""
+        """Pause the running skills, and wait until the run is resumed."""
         for skill in self._tree.skills:
             if skill.status is Status.RUNNING:
                 skill.call_hook("on_pause")
@@ -209,10 +209,10 @@ def _of_tree(root: Behaviour) -> Cause:
     """Return the cause of the first failed skill, with the messages of all failed skills."""
     failed = list(_failed(root))
     if not failed:
-        return cause_of(TaskFailed(f"{root.name} failed by its own tree"))
+        return cause_of(TaskFailed(f"{root.name} failed, although none of its skills failed"))
     node, error = failed[0]
     planning = getattr(error, "code", "").startswith("plan.")
-    names = dict[str, list[str]]()  # planners that report the same
+    names = dict[str, list[str]]()  # names of the failed skills, by message
     for each, failure in failed:
         names.setdefault(str(failure), []).append(each.name)
     words = [f"{', '.join(own)}: {said}" if planning else said for said, own in names.items()]
@@ -235,10 +235,11 @@ class ProgressPoint(NamedTuple):
     """Progress of a run.
 
     Attributes:
-        percentage: Arrived frames / scheduled frames [%]; None before the first schedule.
+        percentage: Finished share of the work, averaged over the moving skills [%]; None before the
+            first motion.
         phase: planning, executing, asking, waiting, paused or succeeded.
         node: Name of the running skill.
-        attempt: Number of the attempt, from 1. A retry starts another one.
+        attempt: Number of the attempt, from 1. A retry starts another attempt.
     """
 
     percentage: int | None
@@ -248,7 +249,7 @@ class ProgressPoint(NamedTuple):
 
 
 class Progress:
-    """Progress of one tree: arrived frames / scheduled frames.
+    """Progress of one tree: the finished shares of its moving skills, averaged.
 
     Args:
         tree: The tree.

@@ -32,7 +32,7 @@ class StartPose:
         port: Serial port.
         recordings: Folder of recordings, to find the last commanded pose.
         confirmed: Pose that a person confirms for the first activation: `boot`, `last` for the last
-            commanded one, or None.
+            commanded pose, or None.
     """
 
     def __init__(self, robot: Robot, port: str, recordings: Path, confirmed: str | None) -> None:
@@ -103,7 +103,7 @@ class StartPose:
 
 
 def last_command(robot: Robot, recordings: Path) -> LastCommand | None:
-    """Return the last pose in the recordings of this arm, or None."""
+    """Return the last commanded pose of this robot in its newest recordings, or None."""
     names = tuple(joint.name for joint in robot.actuated)
     files = sorted(recordings.glob("*.mcap"), key=lambda path: path.name, reverse=True)
     for path in files[:_SEARCHED]:
@@ -121,7 +121,8 @@ def _last_pose(
 ) -> tuple[float, ...] | None:
     """Return the positions at the end of the last motion, or at the last frame before a stop.
 
-    The end of a motion encodes to its last frame, but its positions may differ slightly.
+    After a whole motion, these are its planned positions. They may differ slightly from those of
+    its last frame, but encode to the same frame.
     """
     last: tuple[float, ...] | None = None
     end: tuple[float, ...] = ()
@@ -153,5 +154,5 @@ def _offer(robot: Robot, last: LastCommand | None) -> str:
     pose = robot.words(robot.by_joint(last.positions))
     return (
         f"{reason} The last commanded pose is {pose} ({last.source}). "
-        f'Confirm the pose "last" if the arm is still there, or {boot}'
+        f'Confirm the pose "last" if the arm is still in that pose, or {boot}'
     )

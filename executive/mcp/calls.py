@@ -28,8 +28,8 @@ from .words import arguments_schema, goal_words, run_lines
 Content = list[TextContent | ImageContent]
 
 _BY_HAND = (
-    "-> only a person activates it: ask them to press Activate on the page (`armtree view`), or to "
-    "type `armtree arm activate`"
+    "-> only a person may activate the arm: ask the person to press Activate on the page "
+    "(`armtree view`), or to type `armtree arm activate`"
 )
 
 
@@ -38,7 +38,7 @@ class NotDone(Exception):
 
 
 class Calls:
-    """One call of a tool: a method per row of `TOOLS`, with its name.
+    """One call of a tool. For each row of `TOOLS`, there is a method with the name of the row.
 
     Args:
         client: Client of the server.
@@ -137,7 +137,7 @@ class Calls:
         try:
             canceled = ", ".join((await self._client.stop()).goals)
         except ServerUnreachable as error:
-            cause, hint = cause_of(error), "tell the person to switch the power of its servos off"
+            cause, hint = cause_of(error), "tell the person to switch the power of the servos off"
             raise Refused(replace(cause, message=f"NOT STOPPED: {error}", hint=hint)) from error
         return f"stopped; canceled {canceled}" if canceled else "stopped; no goal was under way"
 
@@ -226,7 +226,7 @@ def _lines(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _plan_words(planned: PlannedTask) -> str:
-    """Return words for the predicted end of a planned task."""
+    """Return the predicted end of a planned task in words."""
     end = planned.events[-1]
     assert isinstance(end, GoalStatus)
     assert end.outcome

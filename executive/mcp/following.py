@@ -50,8 +50,8 @@ async def follow(client: AsyncClient, goal_id: str, person: Person, wait: float)
         wait: Longest time to wait for the end of the goal [s].
 
     Returns:
-        Its state at its end, at the end of the time, or at a question that the client cannot show
-        to a person.
+        State of the goal: when it ends, after `wait`, or when a question comes that the client
+        cannot show to a person.
 
     Raises:
         MustRepeat: The client must repeat the call with the answer to a question.

@@ -47,7 +47,7 @@ NAME = "armtree"
 RATE, BURST = 5.0, 20.0  # calls per second and at once; stops are not counted
 _NO_TOKEN = "none"  # not empty, because an empty token is replaced by the user's
 _NEEDS_TOKEN = (
-    "this needs the token of the arm's server",
+    "this call needs the token of the arm's server",
     "let the client send the HTTP header Authorization: Bearer TOKEN; the server printed the token "
     "when it started",
 )
@@ -101,7 +101,7 @@ class Tools:
             return _refusal(BadRequest(str(error), "correct the arguments"))
         except Exception:  # catches every error of a call
             logger.exception("a bug in armtree")
-            return _refusal(InternalError("the log has more"))
+            return _refusal(InternalError("the log has the details"))
 
     async def _answer(self, context: _Context, params: CallToolRequestParams) -> CallToolResult:
         tool = self._tools.get(params.name)

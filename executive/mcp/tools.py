@@ -1,4 +1,4 @@
-"""The tools of `armtree mcp`, one row each. The method of `Calls` with its name answers calls."""
+"""The tools of `armtree mcp`, one row each. The method of `Calls` with the row's name answers."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -44,7 +44,7 @@ _move = partial(Tool, moves=True, repeatable=False)
 WAIT = 50.0  # default of `wait_s`, because clients often limit a call to 60 s
 
 _TASK = {"task": s.TASK_OR_NAME}
-_CALL = {**_TASK, "arguments": {**s.ARGUMENTS, "description": "Values, as in describe_task."}}
+_CALL = {**_TASK, "arguments": {**s.ARGUMENTS, "description": "Values; see describe_task."}}
 _WAIT = {
     "wait_s": {
         "type": "number",
@@ -54,7 +54,7 @@ _WAIT = {
         "goal continues, and goal_state waits for it.",
     }
 }
-_ONE_GOAL = {"goal_id": {**s.GOAL_ID, "description": "Id of the goal; default the one under way."}}
+_ONE_GOAL = {"goal_id": {**s.GOAL_ID, "description": "Id of the goal; default: that under way."}}
 
 TOOLS = (
     _read("list_tasks", "List the tasks of the arm: number, name, what each does."),
@@ -101,13 +101,13 @@ TOOLS = (
     _read("arm_state", "Return the state of the arm: whether it may move, where it is, faults."),
     _read(
         "list_recordings",
-        "List the last runs, the newest first, with how each ended.",
+        "List the last runs, the newest first, with the outcome of each.",
         {
             "limit": {
                 "type": "integer",
                 "minimum": 1,
                 "maximum": 50,
-                "description": "Most runs; default 10.",
+                "description": "Largest number of runs; default 10.",
             },
             "task": {"type": "integer", "minimum": -1, "maximum": 2**31 - 1},
             "state": {"type": "string", "enum": ["SUCCEEDED", "CANCELED", "ABORTED", "UNFINISHED"]},
@@ -116,7 +116,7 @@ TOOLS = (
     _read(
         "explain_run",
         "Explain how a run ended: cause, limits, what to do, failed nodes, warnings.",
-        {"recording": {**s.RECORDING_NAME, "description": "As list_recordings names it."}},
+        {"recording": {**s.RECORDING_NAME, "description": "Name from list_recordings."}},
         ("recording",),
     ),
 )

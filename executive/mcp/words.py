@@ -52,16 +52,16 @@ def goal_words(
     Args:
         goal: The goal.
         questions: Open questions of tasks.
-        paused: True if it is paused.
+        paused: True if the goal is paused.
     """
     if goal.outcome:
         return f"{goal.outcome.text()}\ngoal {goal.identity}"
     state = "PAUSED" if paused else goal.state.name
     lines = [f"{goal_title(goal.task)} {state}, goal {goal.identity}"]
     lines += [
-        f"It waits for a person: {each.text}{' or '.join(each.choices) and ' '}"
-        f"{'/'.join(each.choices)}. They answer on the page (`armtree view`), or with "
-        f"`armtree answer {each.question_id} WORDS`. Do not answer for them."
+        f"The goal waits for a person: {each.text}{' or '.join(each.choices) and ' '}"
+        f"{'/'.join(each.choices)}. The person answers on the page (`armtree view`), or with "
+        f"`armtree answer {each.question_id} WORDS`. Do not answer for the person."
         for each in questions
     ]
     return "\n".join([*lines, "goal_state waits for the end; stop cancels it"])
@@ -71,8 +71,8 @@ def run_lines(row: Mapping[str, Any], window: Mapping[str, Any]) -> Iterator[str
     """Explain the end of a recorded run, line by line.
 
     Args:
-        row: Its row in the list of recordings.
-        window: The events around its end, with the state before them.
+        row: Row of the run in the list of recordings.
+        window: The events around the end of the run, with the state before them.
     """
     title = row["title"] or row["name"]
     yield f"{title} {row['state'] or 'of unknown state'} after {row['duration_s'] or 0:.2f} s"

@@ -23,9 +23,9 @@ from logs import Attachment, FileKept, Recording, RecordingError, pack
 from skills.motion import World
 
 _NOTE = "robot"
-_making = threading.Lock()  # a cache may compute a value twice
+_making = threading.Lock()  # else two threads could make two folders, despite the cache
 MAX_MESHES = 2**26  # largest total size of the meshes of a robot in a recording [bytes]
-_MAX_RATE = 1000.0  # largest rate of frames [Hz]; a motion of ten minutes then has 600,000
+_MAX_RATE = 1000.0  # largest rate [Hz]; a motion of ten minutes then has 600,000 frames
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class RobotMeshes:
         names: Name of the attachment by the name in the URDF.
         files: Attachments by name. The meshes that only a viewer needs are left out if they would
             exceed `MAX_MESHES`.
-        left_out: Reason that meshes of collision shapes are left out; empty if they are attached.
+        left_out: Why the meshes of collision shapes are left out; empty if they are attached.
     """
 
     names: Mapping[str, str]
@@ -75,8 +75,8 @@ def robot_note(robot: Robot, files: Mapping[str, bytes], meshes: RobotMeshes) ->
 
     Args:
         robot: The robot.
-        files: Contents of its files, by name.
-        meshes: Its meshes.
+        files: Contents of the robot's files, by name.
+        meshes: The robot's meshes.
     """
     figures = {name: _plain(value) for name, value in _figures(robot).items()}
     named = {"calibration": robot.calibration.name} if robot.calibration else {}
@@ -118,15 +118,15 @@ def restore_robot(recording: Recording) -> Robot:
 
 
 def in_recording(message: str) -> str:
-    """Return a message that names attachments, not the files that they were restored to."""
+    """Return a message with names of attachments in place of the paths of restored files."""
     return re.sub(rf"{re.escape(str(_restored_files()))}/([0-9a-f]{{64}}/)?", "", message)
 
 
 def extract_robot(recording: Recording, folder: Path) -> list[Path]:
     """Write the robot file, URDF and meshes of a recording to a folder. Return the files.
 
-    The URDF names the meshes beside it, so viewers find them. If a file of the folder has one of
-    the names but another content, nothing is written.
+    The URDF refers to the meshes in this folder, so viewers find them. If the folder already has a
+    file with one of these names and another content, nothing is written.
 
     Raises:
         RecordingError: The recording does not contain the robot.
@@ -188,8 +188,8 @@ def archive_world(world: World) -> tuple[tuple[dict[str, Any], ...], Mapping[str
     """Return a world as plain values, and its mesh files.
 
     Returns:
-        The bodies; each mesh path is replaced by a name from its content. And the mesh attachments,
-        by that name.
+        The bodies, each with a name made from the content of its mesh in place of the path; and the
+        attachments of the meshes, by this name.
     """
     bodies, files = world.plain(), dict[str, Attachment]()
     for body in bodies:
@@ -274,14 +274,14 @@ def _same_type(value: Any, known: Any) -> bool:
 
 
 def _in_range(name: str, value: Any) -> bool:
-    """Return True if a value is a text, or a number small enough to be harmless."""
+    """Return True if a value is a text, or a number in a safe range."""
     if isinstance(value, str):
         return True
     return 0 < value <= _MAX_RATE if name == "rate" else bool(value >= 0)
 
 
 def _restored_files() -> Path:
-    """Folder for restored files. It is deleted at the end of this process."""
+    """Return the folder for restored files. It is deleted at the end of this process."""
     with _making:
         return Path(_folder().name)
 

@@ -21,9 +21,9 @@ class Exchanges:
     """Drops exchanges with a board if its measurement has not changed.
 
     A resting arm is polled several times a second, usually with equal measurements. An exchange is
-    a request, the bytes of its answers, and the measurement. It is recorded as a whole if a frame
-    was sent before it, if the measurement has changed, if 10 s have passed, or if the answer is
-    incomplete. All other events are recorded at once. Thread-safe.
+    a request, the bytes of its answers, and the measurement. A whole exchange is recorded if a
+    frame was sent since the last record, if the measurement has changed, if 10 s have passed, or if
+    the answer is incomplete. All other events are recorded at once. Thread-safe.
 
     Args:
         record: Callback that records an event.

@@ -19,7 +19,7 @@ _HOLD_WAITS = 0.002  # [s]
 
 
 class RecordedLink:
-    """A link. Each frame waits for the recording of the earlier frames.
+    """A link to the board. Each frame waits for the recording of the earlier frames.
 
     Args:
         link: Link to the board.
@@ -44,7 +44,7 @@ class RecordedLink:
         self._link.open()
 
     def ready(self, timeout: float) -> bool:
-        """Return True if every frame was recorded. Then the next one may be sent.
+        """Return True if every sent frame was recorded, so that the next frame may be sent.
 
         Args:
             timeout: Longest time to wait in this call [s].
@@ -54,7 +54,7 @@ class RecordedLink:
         """
         begin = self._clock.now()
         if self._since is None:
-            self._recordings.write_time()  # the wait until now
+            self._recordings.write_time()  # forget the writes before this wait
         recorded = self._recordings.caught_up(timeout)
         if recorded and self._since is None:
             return True
@@ -80,7 +80,7 @@ class RecordedLink:
         self._link.write(data)
 
     def read(self) -> bytes:
-        """Wait for bytes."""
+        """Wait for bytes and return them."""
         return self._link.read()
 
     @property

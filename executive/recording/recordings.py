@@ -24,7 +24,7 @@ logger = logging.getLogger(__name__)
 
 _SERVER = "server"  # word in the name of a server's own recording
 
-# Largest number of unfinished recordings, because each has open files. The next goal then waits.
+# Largest number of unfinished recordings, because each has open files. Beyond it, goals wait.
 _UNFINISHED = 64
 _AT_ONCE = 4  # number of recordings finished in parallel; each mostly waits for the disk
 
@@ -32,15 +32,15 @@ _EARLY = 1000  # largest number of log lines kept until a recording is opened
 
 
 def is_server_recording(recording: Path) -> bool:
-    """Return True if a recording is a server's own, by its name."""
+    """Return True if the file name is that of a server's own recording."""
     return recording.stem.endswith(f"-{_SERVER}")
 
 
 class Recordings:
     """Makes one recording per goal. Each record goes to the open recording and the subscriber.
 
-    A server has one more recording for events between goals. It is open while no goal runs. Log
-    lines from before the first recording are written at its start.
+    A server has one more recording, its own, for events between goals, and for the acceptance and
+    end of every goal. Log lines from before the first recording are written at its start.
 
     Args:
         folder: Folder for recordings.
@@ -51,8 +51,8 @@ class Recordings:
         configuration: Settings that affect a run, by name. Every recording contains them.
 
     Attributes:
-        path: Path of the open recording; empty if none is open.
-        frames: Number of frames sent since it was opened.
+        path: Path of the open recording of a goal; empty if there is none.
+        frames: Number of frames sent since this recording was opened.
     """
 
     def __init__(
@@ -65,7 +65,7 @@ class Recordings:
         configuration: Mapping[str, str],
     ) -> None:
         self._folder, self._robot, self._clock = folder, robot, clock
-        # Read now: a file that is edited before the first run is not that of the robot.
+        # Read now: a file that is edited before the first run differs from the loaded robot.
         self._robot_files = {path.name: path.read_bytes() for path in robot.files}
         self._watch, self._failed = watch, failed
         self._configuration = configuration
@@ -171,7 +171,7 @@ class Recordings:
             self._recorder.flush()
 
     def goal_ended(self) -> None:
-        """Finish the recording of a goal in the background. Reopen the server's own recording."""
+        """Finish the recording of a goal in the background. Records then go to the server's own."""
         with self._counting:
             recorder, self._recorder, self.path = self._recorder, self._server, ""
             self.frames = 0
@@ -199,9 +199,9 @@ class Recordings:
             raise error
 
     def _replace_failed(self) -> None:
-        """Open another recording for the server if its own one has failed, and the disk has space.
+        """Open another recording for the server if its own has failed, and the disk has space.
 
-        Otherwise holds and activations after a full disk would not be recorded.
+        Without it, stops and activations after a full disk would not be recorded.
         """
         with self._replacing:
             if self._server and self._server.failed:
@@ -243,7 +243,7 @@ class Recordings:
             make: Callback that returns the outcome, from the number of frames before it and the
                 path of the recording.
         """
-        with self._counting:  # a stop may repeat a frame at any time
+        with self._counting:  # else a stop could send one more frame between count and record
             outcome = make(self.frames, self.path)
             record = outcome.to_record(identity, self._clock.now())
             if self._recorder:

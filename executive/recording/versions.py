@@ -39,8 +39,8 @@ def digest(root: Path, patterns: Iterable[str]) -> str:
     """Return the digest of the files that match, except those of models of boards.
 
     Args:
-        root: Folder of the rooms.
-        patterns: Patterns for paths in it.
+        root: Folder that contains the packages of armtree.
+        patterns: Patterns for paths in this folder.
     """
     found = hashlib.sha256()
     for path in sorted(path for pattern in patterns for path in root.glob(pattern)):

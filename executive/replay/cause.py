@@ -21,13 +21,13 @@ PLANNING = ("planner", "numpy", "pin", "coal", "python", "machine", "system")
 
 
 def source(recording: Recording, entries: Collection[str]) -> str:
-    """Return in words the source of a difference without a contradiction.
+    """Return in words the source of a difference, if the recording has no contradiction.
 
     Args:
         recording: The recording.
         entries: Entries of `versions` that could be the source.
     """
-    # Missing digests do not name a part.
+    # If the digests themselves are missing, no changed part is known.
     if (part := recording.changed) and part != f"note {DIGESTS}":
         return f"the recording: {part} was changed or removed after the run"
     if new := changes(recording, entries):
@@ -63,19 +63,20 @@ def _limits(plan: Plan, robot: Robot) -> str:
         if (velocity, acceleration) != own:
             return (
                 f"limits: the plan limited {joint.name} to {velocity:g} rad/s and {acceleration:g} "
-                f"rad/s2, the robot has {own[0]:g} and {own[1]:g}"
+                f"rad/s2, but the robot has {own[0]:g} and {own[1]:g}"
             )
     return ""
 
 
 def _seed(plan: Plan, goals: Sequence[Goal]) -> str:
     if goals and plan.seed not in {goal.seed for goal in goals}:
-        return f"seed: the goal has {goals[0].seed}, the {plan.group} was planned with {plan.seed}"
+        own = goals[0].seed
+        return f"seed: the goal has {own}, but the group {plan.group} was planned with {plan.seed}"
     return ""
 
 
 def _task(plan: Plan, targets: dict[str, set[float]]) -> str:
-    # A goal of wrong length is also recorded.
+    # Not strict, because a recorded goal may have the wrong length.
     for joint, value in zip(plan.joints, plan.goal, strict=False):
         if joint in targets and value not in targets[joint]:
             spelled = ", ".join(f"{target:g}" for target in sorted(targets[joint]))
@@ -84,7 +85,7 @@ def _task(plan: Plan, targets: dict[str, set[float]]) -> str:
 
 
 def _targets(recording: Recording) -> dict[str, set[float]]:
-    """Return the values of each joint in the task; empty if the task computes a goal."""
+    """Return the targets of each joint in the task, by joint; empty if the task computes a goal."""
     leaves, kinds = _skills(recording), known_skills()
     planners = {name for name, kind in kinds.items() if kind.plans_goal}
     copiers = {name for name, kind in kinds.items() if kind.copies_targets}
@@ -94,7 +95,7 @@ def _targets(recording: Recording) -> dict[str, set[float]]:
         if skill in planners or not goals & set(map(str, ports.values())):
             continue
         spelled = [value for value in ports.values() if isinstance(value, dict)]
-        # A skill that copies has one more port: the goal that it writes.
+        # A skill that copies targets has one more port: the goal that it writes.
         if skill not in copiers or len(spelled) < len(ports) - 1:
             return {}
         for joint, value in chain.from_iterable(group.items() for group in spelled):

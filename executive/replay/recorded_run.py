@@ -28,8 +28,8 @@ class RecordedRun:
     def planner(self) -> Planner:
         """The planner for the robot, shared by all runs with the same robot files.
 
-        The name of their folder is a digest of them. Use the planner only for a run with a plan:
-        other recordings may lack the meshes.
+        The path of restored robot files contains their digest. Use the planner only for a run with
+        a plan: other recordings may lack the meshes.
 
         Raises:
             ModelUnusable: The robot is unusable for planning.
@@ -45,7 +45,7 @@ class RecordedRun:
 
     @cached_property
     def joints_difference(self) -> str:
-        """Error of the first plan or schedule for other joints than the robot's, or ""."""
+        """First plan or schedule whose joints are not the robot's, in words; empty if none."""
         robot = self.robot
         actuated = {joint.name for joint in robot.actuated}
         for record in self.records:
@@ -54,12 +54,13 @@ class RecordedRun:
             groups = (record.group,) if isinstance(record, Plan) else record.groups
             if unknown := [group for group in groups if group not in robot.groups]:
                 there = ", ".join(robot.groups)
-                return f"the group {unknown[0]} is recorded, but the robot has {there}"
+                return f"the group {unknown[0]} is recorded, but the robot has the groups {there}"
             if record.start.keys() != actuated:
-                return f"the recorded start has the joints {', '.join(record.start)}"
+                start = ", ".join(record.start)
+                return f"the recorded start has the joints {start}, not those of the robot"
             if isinstance(record, Plan):
                 joints = tuple(joint.name for joint in robot.actuated_in(record.group))
                 if record.joints != joints:
                     named = ", ".join(record.joints)
-                    return f"the {record.group} is recorded with the joints {named}"
+                    return f"the group {record.group} is recorded with the joints {named}"
         return ""

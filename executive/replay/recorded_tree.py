@@ -24,7 +24,7 @@ def tree_of(path: Path) -> Entry:
 
 
 def _entry(rows: Sequence[Row], number: int) -> Entry:
-    """Return the node of a row, with the rows below it."""
+    """Return the node of a row, with the nodes of its child rows."""
     row, below = rows[number], []
     for child in range(number + 1, len(rows)):
         if rows[child].depth <= row.depth:

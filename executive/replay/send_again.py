@@ -56,15 +56,16 @@ class Part:
 class Replay(StreamedMotion):
     """Send frames of a recording at their times. The arm must be at the recorded start.
 
-    A gripper may hold its object at another position. It stays there until the frames move it.
+    A gripper that holds an object may be at another position. It stays there until a frame moves
+    it.
     """
 
     INPUT_PORTS = {
         "recording": PortInformation(str, description="path of the recording"),
         "part": PortInformation(
-            int, description="index of the part, from 0; each grip begins another one"
+            int, description="index of the part, from 0; each grip begins another part"
         ),
-        "speed": PortInformation(float, description="1 for the recorded times, less for slower"),
+        "speed": PortInformation(float, description="factor of the recorded speed, at most 1"),
     }
 
     @classmethod
@@ -155,7 +156,7 @@ def _parts(path: Path, robot_file: Path) -> tuple[Part, ...]:
 def _setpoints(
     path: Path, robot: Robot, zero: float | None, motions: Iterable[Motion]
 ) -> Iterator[Setpoint]:
-    """Yield the frames of motions with their times from a time, or from the first frame [s]."""
+    """Yield the frames of motions. Their times count from `zero`, or from the first frame [s]."""
     last: Setpoint | None = None
     for schedule, frames in motions:
         first = frames[0].scheduled
@@ -173,7 +174,7 @@ def _setpoints(
             )
             if last and not setpoint.time > last.time:
                 raise NotReplayable(
-                    f"{path}: {setpoint.frame} is not due after the frame before it"
+                    f"{path}: {setpoint.frame} is due at or before the time of the previous frame"
                 )
             _check_speed(robot, before, setpoint, due - passed, path)
             yield setpoint
@@ -185,7 +186,7 @@ def _motions(path: Path) -> list[tuple[float | None, list[Motion]]]:
 
     Returns:
         For each part: the time of the grip that begins it [s], None for the first; and its
-        schedules of which a frame was sent, with their frames.
+        schedules with the sent frames of each. Schedules without a sent frame are left out.
 
     Raises:
         NotReplayable: Frames have no schedule.
@@ -196,7 +197,7 @@ def _motions(path: Path) -> list[tuple[float | None, list[Motion]]]:
             parts[-1][1].append((record, []))
         elif isinstance(record, RecordedFrame) and record.joints:
             before, last = last, record.data
-            if record.hold and before not in (b"", last):  # other holds repeat the last frame
+            if record.hold and before not in (b"", last):  # a grip; other holds repeat the frame
                 parts.append((record.time, []))
             if record.hold:
                 continue
@@ -219,7 +220,7 @@ def _encoded(robot: Robot, positions: tuple[float, ...], path: Path) -> Frame:
     try:
         return robot.wire_format.encode(positions)
     except HardwareError as error:
-        raise NotReplayable(f"{path}: this arm cannot play its frames: {error}") from error
+        raise NotReplayable(f"{path}: this arm cannot play the frames: {error}") from error
 
 
 def _check_speed(
@@ -229,5 +230,5 @@ def _check_speed(
         if abs(b - a) > joint.velocity * seconds + _ROUNDING:
             raise NotReplayable(
                 f"{path}: {setpoint.frame} turns {joint.name} by {abs(b - a):.4f} rad in "
-                f"{seconds:.4f} s; its limit is {joint.velocity:g} rad/s"
+                f"{seconds:.4f} s; the limit of the joint is {joint.velocity:g} rad/s"
             )

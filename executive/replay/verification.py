@@ -73,8 +73,8 @@ class Verification:
     Attributes:
         path: The recording.
         checks: Both checks; empty if the file cannot be verified.
-        error: Reason that it cannot be verified, or its missing or changed part; else empty.
-        code: Stable code of the error.
+        error: Why the file cannot be verified, or its missing or changed part; else empty.
+        code: Stable code of the error; empty if there is none.
         motion: Total duration of the motions that were compiled again [s].
     """
 
@@ -153,7 +153,7 @@ def verify_all(paths: Sequence[Path], jobs: int) -> Iterator[Verification]:
 
 
 def _end_with_parent() -> None:
-    """Let this process end when its parent is killed. It would wait for the next path for ever."""
+    """End this process when its parent is killed. Else it would wait for the next path for ever."""
     parent = parent_process()
     assert parent
 

@@ -119,7 +119,7 @@ def _positions_difference(robot: Robot, sent: Iterable[Sent]) -> str:
     codec, joints = robot.wire_format, tuple(joint.name for joint in robot.actuated)
     for frame in sent:
         if frame.joints != joints:
-            return f"{frame.text} was sent for {', '.join(frame.joints)}"
+            return f"{frame.text} was sent for the joints {', '.join(frame.joints)}"
         try:
             encoded = codec.encode(frame.positions).data
         except HardwareError as error:
@@ -173,9 +173,9 @@ def _loosens(robot: Robot, before: Sent, hold: Sent, measured: Measured | None) 
 
 
 def _compiled(robot: Robot, recorded: Schedule) -> tuple[CompiledSchedule | None, str]:
-    """Compile a schedule again. Return it and the first difference.
+    """Compile a schedule again. Return the compiled schedule, and the first difference.
 
-    The schedule is None if it differs, or if its frames were not planned.
+    The compiled schedule is None if it cannot be made, or if the frames were not planned.
     """
     firmware = robot.firmware
     for name, then, now in (
@@ -232,7 +232,7 @@ def _sent_difference(schedule: Schedule, sent: Sequence[Sent], stopped: bool) ->
         if left is None and stopped:
             return ""
         if due != left:
-            return f"frame {number}: {due or 'none'} was due, {left or 'none'} was sent"
+            return f"frame {number}: {due or 'none'} was due, but {left or 'none'} was sent"
     return ""
 
 
@@ -317,14 +317,14 @@ def _state_difference(result: Result, root: str) -> str:
         flags = f"success {result.success} and the code {result.code}"
         return f"the result is {result.state}, but has {flags}"
     if root and ((done and root != _SUCCESS) or (canceled and root == _SUCCESS)):
-        return f"the result is {result.state}, the tree ended {root}"
+        return f"the result is {result.state}, but the tree ended with {root}"
     return ""
 
 
 def _count_difference(result: Result, sent: Sequence[Sent]) -> str:
     """Check the result's number of frames, and that no frame was sent after it."""
     if result.frames != len(sent):
-        return f"the result counts {result.frames} frames, {len(sent)} are recorded"
+        return f"the result counts {result.frames} frames, but {len(sent)} are recorded"
     if sent and sent[-1].time > result.time:
         return f"{sent[-1].text} was sent after the result, but is recorded before it"
     return ""

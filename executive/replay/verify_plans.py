@@ -97,7 +97,7 @@ def _merged_difference(
     robot: Robot, recorded: Schedule, merged: MergedMotion, start: tuple[float, ...]
 ) -> str:
     if not merged.begins_at(start):
-        return f"a motion from {start} rad is recorded, but the plans start elsewhere"
+        return f"a motion from {start} rad is recorded, but the plans start at another position"
     if merged.duration != recorded.duration:
         took = f"a motion of {recorded.duration!r} s is recorded"
         return f"{took}, but the plans take {merged.duration!r} s"

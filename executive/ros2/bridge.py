@@ -23,12 +23,14 @@ _PAUSE_SECONDS = 0.5  # time between two attempts to reach the server
 # Time without a server until its goals count as aborted and new goals are refused.
 LOST_SECONDS = 2.0
 _SEEN_SECONDS = 2.0  # longest time from the acceptance of a goal to its first event
-_END_SECONDS = 1.5  # longest time for the end of this process's goals at its end
+_END_SECONDS = 1.5  # at the end of this process, longest time for the end of its goals
 _TASKS_SECONDS = 3.0  # time between two reads of the list of tasks, because files may change
 
 
 class Bridge:
-    """A server, for the parts of the node. Use it as an asynchronous context.
+    """The node's connection to a server. All parts of the node share it.
+
+    Use it as an asynchronous context.
 
     Args:
         url: URL of the server.
@@ -142,7 +144,7 @@ class Bridge:
             await asyncio.wait(ends, timeout=_END_SECONDS)
 
     def _lose(self) -> None:
-        """End the goals. Cancel those of this process, because the server may still run them."""
+        """Report all goals as ended. Stop holding those of this process, so that they end."""
         self._release()
         self.goals.lose()
 

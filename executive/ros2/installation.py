@@ -1,4 +1,4 @@
-"""The ROS 2 of this process: a sourced one, or the one of `make ros2`."""
+"""The installation of ROS 2 for this process: a sourced one, or the one that `make ros2` made."""
 
 import os
 import sys
@@ -45,7 +45,7 @@ def stay_on_this_machine() -> bool:
     """Limit discovery to nodes of this machine, unless the user has set another range.
 
     Returns:
-        False if nodes of other machines are found.
+        False if this process can find nodes of other machines.
     """
     return os.environ.setdefault(DISCOVERY, "LOCALHOST") in ("LOCALHOST", "OFF") or (
         os.environ.get("ROS_LOCALHOST_ONLY") == "1"

@@ -24,7 +24,7 @@ class Joints:
 
     Args:
         node: The node.
-        bridge: The server of the arm.
+        bridge: Connection to the server of the arm.
     """
 
     def __init__(self, node: Node, bridge: Bridge) -> None:
@@ -60,7 +60,7 @@ class Joints:
         names = [joint.name for joint in robot.actuated]
         if state.position.keys() != {*names}:
             words = f"the arm has the joints {', '.join(state.position)}, not {', '.join(names)}"
-            self._bridge.log.error(f"{words}: give its robot file, --robot FILE", once=True)
+            self._bridge.log.error(f"{words}; name its robot file: --robot FILE", once=True)
             return
         self._state = state.of_all_joints(robot)
         self._publish(self._state)
@@ -78,6 +78,6 @@ class Joints:
 
 
 def description(robot: Robot) -> str:
-    """Return the URDF of a robot, with the whole paths of its meshes."""
+    """Return the URDF of a robot, in which the meshes are file URLs."""
     text = robot.urdf.read_text()
     return _MESH.sub(lambda name: f'filename="{robot.mesh(name[1]).resolve().as_uri()}"', text)

@@ -1,4 +1,4 @@
-"""The interface of a lifecycle node, for the hardware."""
+"""The lifecycle of the hardware, in the interface of a lifecycle node of ROS 2."""
 
 from typing import Any
 
@@ -23,7 +23,7 @@ class HardwareLifecycle:
 
     Args:
         node: The node.
-        bridge: The server of the arm.
+        bridge: Connection to the server of the arm.
     """
 
     def __init__(self, node: Node, bridge: Bridge) -> None:
@@ -85,7 +85,7 @@ def _transition(start: str, label: str) -> Any:
 
 
 def _transitions(state: str = "") -> list[Any]:
-    """Return the transitions of ROS 2 out of a state, or all of them."""
+    """Return the transitions of ROS 2 from a state, or all if `state` is empty."""
     return [
         TransitionDescription(
             transition=_transition(start, label), start_state=_state(start), goal_state=_state(goal)

@@ -50,7 +50,7 @@ class Node:
         except (RuntimeError, NameValidationException) as error:
             raise BadRosArguments(str(error).splitlines()[0]) from error
         if unknown:
-            raise BadRosArguments(f"{' '.join(unknown)} is not between --ros-args and --")
+            raise BadRosArguments(f"put {' '.join(unknown)} between --ros-args and --")
         self._loop = asyncio.get_running_loop()
         self._executor = SingleThreadedExecutor(context=self._context)
         self._answering = set[asyncio.Task[None]]()
@@ -117,7 +117,7 @@ class Node:
         service.send_response = lambda pair, header: self._loop.call_soon_threadsafe(
             start, pair, header
         )
-        # On its own thread, because on another one the executor could be waiting for the service.
+        # On the executor's thread, because elsewhere the executor could wait for the service.
         return lambda: self._executor.create_task(self._node.destroy_service, service)
 
     def _spin(self) -> None:

@@ -27,7 +27,7 @@ async def run(url: str, robot: Robot, arguments: Sequence[str] = ()) -> int:
         arguments: Arguments for ROS.
 
     Returns:
-        Number of the signal.
+        Number of the signal that ended the run.
     """
     signals, loop = asyncio.Queue[int](), asyncio.get_running_loop()
     for number in (signal.SIGINT, signal.SIGTERM):

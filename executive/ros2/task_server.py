@@ -1,7 +1,7 @@
 """The action server `task_server`: the protocol of ROS 2 actions for the server's goals.
 
-rclpy's own action server keeps the goals in its process. This one has no state of its own.
-Therefore it also lists goals of other clients, and goals that were sent before its start.
+rclpy's own action server keeps the goals in its process. This action server has no goals of its
+own, so it also lists goals of other clients, and goals that were sent before its start.
 """
 
 from contextlib import suppress
@@ -30,7 +30,7 @@ class TaskServer:
 
     Args:
         node: The node.
-        bridge: The server of the arm.
+        bridge: Connection to the server of the arm.
     """
 
     def __init__(self, node: Node, bridge: Bridge) -> None:

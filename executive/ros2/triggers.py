@@ -1,4 +1,4 @@
-"""A service per task, for programs without the type of the action, and a service that stops."""
+"""Services for programs without the type of the action: one per task, and one for a stop."""
 
 import re
 from collections.abc import Callable
@@ -18,7 +18,7 @@ class Triggers:
 
     Args:
         node: The node.
-        bridge: The server of the arm.
+        bridge: Connection to the server of the arm.
     """
 
     def __init__(self, node: Node, bridge: Bridge) -> None:

@@ -66,14 +66,14 @@ class AccessRules:
         hosts += [] if authority is None else [authority.lower()]
         if not single or not self.hosts.issuperset(hosts):
             raise WrongHost(
-                f"Host {', '.join(hosts) or 'missing'} is not this server",
-                f"send {' or '.join(sorted(self.hosts))}; serve --host NAME adds one",
+                f"the Host header, {', '.join(hosts) or 'missing'}, does not name this server",
+                f"send {' or '.join(sorted(self.hosts))}; serve --host NAME adds a name",
             )
         origins = headers.getlist("origin")
         if any(origin not in self.origins for origin in origins) or len(origins) > 1:
             raise WrongOrigin(
                 f"pages of {', '.join(origins)} may not use this server",
-                "serve --origin URL allows them",
+                "serve --origin URL allows the pages of a site",
             )
 
     def has_token(self, headers: Headers) -> bool:
@@ -91,7 +91,7 @@ class AccessRules:
         if not self.has_token(headers):
             given = headers.get("authorization")
             raise Unauthorized(
-                "the token is wrong" if given else "this needs the server's token",
+                "the token is wrong" if given else "this request needs the server's token",
                 "set ARMTREE_TOKEN, or send the HTTP header Authorization: Bearer TOKEN; the "
                 "server printed the token when it started",
             )

@@ -89,7 +89,7 @@ class ListenOptions:
                 raise ServerError(f"--origin {page} is not an origin, such as http://name:port")
         if self.expose and self.rosbridge:
             raise ServerError(
-                "rosbridge has no token, so --rosbridge and --expose exclude each other"
+                "rosbridge has no token, so give --rosbridge or --expose, but not both"
             )
 
     def page(self, port: int) -> str:
@@ -122,7 +122,7 @@ class ListenOptions:
 
 
 class _Uvicorn(uvicorn.Server):
-    """uvicorn with armtree's acceptor. It waits for its end instead of polling."""
+    """uvicorn with armtree's acceptor. It waits for the event `ending` instead of polling."""
 
     def __init__(self, config: uvicorn.Config, state: SharedState, listener: socket.socket) -> None:
         super().__init__(config)
@@ -159,7 +159,7 @@ class _Uvicorn(uvicorn.Server):
 
 
 class HttpServer:
-    """A server of some endpoints, with its socket, its token and its thread.
+    """A server for endpoints, with its socket, its token and its thread.
 
     It listens from its creation, and answers from `serve` to `stop` or the end of its context.
 
@@ -221,7 +221,7 @@ class HttpServer:
         stop: Callable[[], asyncio.Future[CancelResult]],
         rosbridge: Callable[[WebSocket], Awaitable[None]] | None = None,
     ) -> None:
-        """Start to answer.
+        """Start to answer requests.
 
         Args:
             endpoints: Answer the requests.

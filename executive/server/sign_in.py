@@ -14,7 +14,7 @@ class SignIn:
 
     Args:
         url: URL of the server.
-        token: Token of the server. It ends with this run of the server.
+        token: Token of the server, for one run of the server.
     """
 
     def __init__(self, url: str, token: str) -> None:

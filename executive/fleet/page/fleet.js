@@ -21,7 +21,7 @@ const summary = /** @type {HTMLElement} */ (document.getElementById("summary"));
  */
 function link(arm, here) {
   const parts = /^https?:\/\//.test(arm.url) && URL.canParse(arm.url) && new URL(arm.url);
-  if (!parts) return "its URL is not that of a page";
+  if (!parts) return "its URL is not the URL of a page";
   if (arm.host !== here && /^(localhost|127\..*|\[::1\])$/.test(parts.hostname))
     return `its page is only on ${arm.host}; armtree serve --bind 0.0.0.0 --expose --host ${arm.host} shows it here`;
   return parts;

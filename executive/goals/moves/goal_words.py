@@ -43,7 +43,7 @@ Poses = Mapping[str, Mapping[str, float]]
 _NUMBER = re.compile(r"[-+]?(\d+\.?\d*|\.\d+)(e[-+]?\d+)?[a-z]*", re.IGNORECASE)
 _VALUE = re.compile(rf"(\+?=)?({_NUMBER.pattern})", re.IGNORECASE)
 
-TASK = "the number or name of a task"  # further meaning of the words of a goal
+TASK = "the number or name of a task"  # what the words of a goal may be, too
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,7 +52,7 @@ class Words:
 
     Attributes:
         joints: Positions by joint [rad].
-        changes: Distances from the start by joint, for joints without a position [rad].
+        changes: Changes from the start by joint [rad], for joints that are not in `joints`.
         point: x, y, z of the tool [m]; None if the words give no point.
         turn: Roll, pitch and yaw of the tool from the start [rad]; None if the words give none.
     """
@@ -79,7 +79,7 @@ def read_words(
             `width=VALUE` is the width of the gripper. Values are written as in task files.
         robot: Description of the robot.
         poses: The poses.
-        also: Further meaning of the words, for messages.
+        also: What else the words may be, for messages, such as `TASK`.
         quoted: True if the words are the value of an option, which is in quotes.
 
     Raises:
@@ -142,8 +142,8 @@ def _read_tool_words(
 def _read_point(words: Sequence[str], robot: Robot) -> tuple[float, float, float]:
     """Return x, y, z.
 
-    Suggest a smaller unit for each number that cannot be in metres: cm beside numbers in metres, if
-    the arm reaches that far, otherwise mm.
+    Suggest a smaller unit for each number that is too large for metres: cm if another number fits
+    metres and the arm reaches that far, otherwise mm.
     """
 
     def read(words: Sequence[str]) -> tuple[float, float, float]:
@@ -172,7 +172,7 @@ def _plain(word: str) -> bool:
 
 
 def _name(word: str) -> str:
-    """Return what a word changes."""
+    """Return the part of a word before its = or +=."""
     return word.partition("=")[0].removesuffix("+")
 
 
@@ -269,12 +269,15 @@ def read_value(name: str, text: str, wanted: Declaration) -> Any:
 
 
 def _check_spelling(words: Sequence[str], robot: Robot, quoted: bool) -> None:
-    """Check that each value is one word, after the name and =.
+    """Check that each word is NAME=VALUE or NAME+=VALUE without spaces, commas and brackets.
 
     Args:
         words: The words.
         robot: Description of the robot.
         quoted: True if the words are already in quotes.
+
+    Raises:
+        BadTarget: A word is written in another way. The message has the right spelling.
     """
     written = " ".join(words)
     text = written if "=" in written else re.sub("[][(){}]", "", written)
@@ -303,13 +306,13 @@ def _check_spelling(words: Sequence[str], robot: Robot, quoted: bool) -> None:
 
 
 def _with_sign(word: str, name: str, value: str, following: Sequence[str], robot: Robot) -> str:
-    """Return the message for a word without =, with the word as it should be.
+    """Return the message for a word without =. The message has the right spelling.
 
     Args:
         word: The word.
         name: Name of its joint, or `WIDTH`.
         value: Its value; empty if the word has none.
-        following: The words after it.
+        following: The words after this word.
         robot: Description of the robot.
     """
     first, second, *_ = [*following, "", ""]
@@ -356,7 +359,7 @@ def _check_poses(names: Sequence[str], poses: Poses) -> None:
 def _no_pose(
     word: str, words: Sequence[str], poses: Poses, offers: Sequence[str], quoted: bool
 ) -> str:
-    """Return the message for one of several words that is not a pose."""
+    """Return the message for a word that is not a pose."""
     if TASK in offers and word.isdecimal():
         why = f"{word!r} is the number of a task, which must be the only word"
         return f"{why}; plan one task at a time, or give x y z of the tool"

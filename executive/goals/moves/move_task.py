@@ -28,7 +28,7 @@ def read_move(move: Move, robot: Robot, poses: Poses) -> Words:
         poses: Poses of the library.
 
     Raises:
-        BadTarget: The words cannot be read, they name no target, or a point is much too far.
+        BadTarget: The words cannot be read, they name no target, or a point is much too far away.
         OutOfBounds: A target is outside the limits.
     """
     if not MIN_SPEED <= move.speed <= 1.0:  # NaN fails this comparison
@@ -104,7 +104,7 @@ def _changes(words: tuple[str, ...], poses: Poses) -> tuple[str, ...]:
 
 
 def _tree(read: Words, relative: bool, speed: float) -> dict[str, object]:
-    """Return the tree of a move. Without words to read, it follows the leader."""
+    """Return the tree of a move. If `read` has no target, the arm follows the leader."""
     ports: dict[str, object] = {}
     if read == Words({}, {}):
         subtree = "follow_leader"

@@ -1,4 +1,4 @@
-"""Poses: lists them, and saves the position of the arm as one."""
+"""Lists poses, and saves the position of the arm as a pose."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -17,7 +17,7 @@ ALL = "all"  # word for all groups
 
 
 def listed_poses(robot: Robot, library: Library) -> Iterator[tuple[str, Mapping[str, float], str]]:
-    """Yield each pose: its name, its joint positions [rad], and the place of its file."""
+    """Yield each pose: its name, its joint positions [rad], and its source, such as `FILE:LINE`."""
     poses, _ = library.poses()
     files, _ = library.draft_poses()
     if HOME not in poses:
@@ -58,7 +58,7 @@ def save_where(
     if where.commanded is None:
         raise NotActive("The pose of an inactive arm is not known; activate it, or move it first")
     if name == HOME and not replace:
-        why = f"pose {HOME} is that of the robot; give another name, or --replace to use yours"
+        why = f"pose {HOME} is the robot's own; give another name, or --replace to use yours"
         raise PoseExists.at(folder, why)
     joints = robot.actuated if group == ALL else robot.actuated_in(group)
     positions = {joint.name: where.commanded[joint.name] for joint in joints}

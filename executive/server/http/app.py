@@ -50,7 +50,7 @@ logger = logging.getLogger(__name__)
 
 BODY_SECONDS = 5.0  # longest time for the arrival of a body [s]
 MAX_STREAMS = 40  # largest number of requests that last as long as their client
-# Requests per second and burst, by whether they contain the token. Stops are not counted.
+# Requests per second, and burst: with the token (True), without it (False). Stops do not count.
 RATE_LIMITS = {True: (200.0, 1000.0), False: (50.0, 100.0)}
 ANONYMOUS_BYTES = 1024  # largest body of a cancel without the token [bytes]
 
@@ -68,7 +68,7 @@ class App:
     cannot block the others.
 
     Args:
-        endpoints: Answer the requests. Operations without a method are not served.
+        endpoints: Answer the requests. An operation is served if `endpoints` has its method.
         rules: Rules of access.
         clock: Time source.
         rosbridge: Serves a WebSocket at `/`, or None.
@@ -162,7 +162,7 @@ class App:
                 if operation.answer is None:
                     return Response(value, operation.status, media_type=operation.media)
                 return await _compressed(request, JSONResponse(value, operation.status))
-            except (ClientDisconnect, asyncio.CancelledError):  # or until the server ends
+            except (ClientDisconnect, asyncio.CancelledError):  # client left, or server ends
                 return Response()
             except RequestError as error:
                 return _refusal(error)
@@ -242,7 +242,7 @@ async def _compressed(request: Request, response: Response) -> Response:
 
 
 def _take_authority(scope: Scope) -> str | None:
-    """Return the server in the target of a request if it is a whole URL. Keep only its path."""
+    """Return the host in the target of a request, and keep only its path; None for a path."""
     found = _URL.fullmatch(scope["path"])
     if found is None:
         return None

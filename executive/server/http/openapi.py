@@ -7,7 +7,7 @@ from executive.api.operations import Access, Operation
 from executive.api.schemas import ERROR, TEXT, Component, Schema
 from hardware.installed import version
 
-# Schemas of the content of other media than JSON; of a stream, of each event.
+# Schemas of the content of other media than JSON. For a stream, it is the schema of an event.
 _MEDIA: Mapping[str, Schema] = {
     "text/event-stream": {
         "type": "object",
@@ -29,8 +29,8 @@ def document(operations: Iterable[Operation]) -> dict[str, Any]:
         "info": {
             "title": "armtree",
             "version": version("armtree"),
-            "description": "Goals for a robot arm. Positions are commanded, in rad. The stop is "
-            "not an emergency stop.",
+            "description": "Goals for a robot arm. Positions [rad] are commanded, unless they are "
+            "called measured. The stop is not an emergency stop.",
         },
         "paths": paths,
         "components": {

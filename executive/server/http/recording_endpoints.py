@@ -92,7 +92,7 @@ class RecordingEndpoints:
         return await asyncio.to_thread(self._answer, name, lambda timeline: timeline.series(points))
 
     def _answer(self, name: str, read: Callable[[Timeline], Json]) -> Response:
-        """Return what a thread reads from the timeline of a recording."""
+        """Return what `read` makes of the timeline of a recording. Call this on a thread."""
         found = read(self._recordings.timeline(name))
         try:
             text = _text(found)
@@ -135,7 +135,7 @@ class RecordingEndpoints:
 
 
 def _pieces(path: Path) -> Iterator[bytes]:
-    """Yield a file whose size may change."""
+    """Yield the content of a file whose size may change."""
     with path.open("rb") as stream:
         yield from iter(partial(stream.read, FileResponse.chunk_size), b"")
 
@@ -155,6 +155,6 @@ def _text(values: Json) -> str:
 
 
 def _encoded(value: Any) -> str:
-    """Return JSON. In one piece, the encoder and the join would keep the interpreter's lock."""
+    """Return a value as JSON. It is encoded in pieces, so that other threads can run between."""
     pieces = _ENCODER.iterencode(value)
     return "".join(iter(lambda: "".join(islice(pieces, 10_000)), ""))

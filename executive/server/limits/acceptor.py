@@ -31,8 +31,8 @@ class Acceptor:
     answer. A connection that ends before the head of its request is complete is closed without
     service. A silent connection waits for data, because most stops arrive just after their
     connection and a protocol costs several times as much as a stop. All other connections wait for
-    service. If too many wait, ended ones are closed. If none has ended, the oldest one is closed. A
-    connection with a stop is closed last.
+    service. If too many wait, those that have ended are closed. If none has ended, the oldest
+    connection is closed. A connection with a stop is closed last.
 
     Args:
         loop: Event loop of the server.
@@ -52,7 +52,7 @@ class Acceptor:
         self._rules, self._max_waiting = state.rules, state.max_connections
         self._protocol, self._stop = protocol, state.stop
         self._accepted: dict[socket.socket, float] = {}  # time of acceptance [s], oldest first
-        # Of these, the connections without data, each with its deadline; with data; with a stop.
+        # Accepted connections without data, each with its deadline; with data; and with a stop.
         self._silent: dict[socket.socket, asyncio.TimerHandle] = {}
         self._waiting: dict[socket.socket, None] = {}
         self._stopping = set[socket.socket]()
@@ -63,7 +63,7 @@ class Acceptor:
         self._start()
 
     async def close(self) -> None:
-        """Accept no more connections, close waiting ones, and wait until the others are known."""
+        """Accept no more connections, and close the waiting ones. Wait until all others started."""
         if self._pause:
             self._pause.cancel()
         self._loop.remove_reader(self._listener)

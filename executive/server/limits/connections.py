@@ -58,8 +58,8 @@ class SharedState(ServerState):
     Args:
         queue: Queue of received data.
         rules: Rules of access.
-        max_connections: Largest number of connections. If there are more, one is closed. The same
-            number may wait.
+        max_connections: Largest number of connections. If there are more, one is closed. As many
+            more may wait for service.
         stop: Callback that stops the arm.
     """
 
@@ -126,7 +126,7 @@ class _QueuedProtocol(asyncio.Protocol):
 
     @property
     def has_token(self) -> bool:
-        """True if its last request contained the token."""
+        """True if the last request of the client contained the token."""
         return False
 
     def pause_writing(self) -> None:
@@ -211,8 +211,8 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
     """An HTTP connection.
 
     If there are too many connections, those ended by their clients are closed. If there are none,
-    one connection is closed. A connection without the token comes before one with it, an idle one
-    before a stream, and the oldest first. If all others are stops, the new one is closed.
+    one connection is closed: one without the token if possible, then an idle one, then the one that
+    is idle longest. If a stop waits on each of the others, the new connection is closed.
 
     Args:
         accepted: Time of its acceptance [s].
@@ -243,7 +243,7 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         """Process queued data. Refuse a head that is too large before parsing it."""
         if self.conn.their_state is h11.IDLE and _too_large(self.conn.trailing_data[0] + data):
             limits = f"{MAX_HEAD_LINES} lines and {MAX_HEAD >> 10} KiB"
-            self.send_400_response(f"a head may have at most {limits}")
+            self.send_400_response(f"the head of a request may have at most {limits}")
             return
         super().process(data)
         if self.transport.get_protocol() is self:  # it has not become a WebSocket
@@ -304,7 +304,8 @@ class HttpConnection(_QueuedProtocol, H11Protocol):
         Data before the answer is refused, because RFC 6455 section 4.1 forbids it.
         """
         if self.conn.trailing_data[0] or self.fair_queue.has(self):
-            self.send_400_response("a WebSocket sends nothing before the answer to its handshake")
+            words = "a WebSocket client must send nothing before the answer to its handshake"
+            self.send_400_response(words)
             return
         self._end_head_timer()
         super().handle_websocket_upgrade(event)

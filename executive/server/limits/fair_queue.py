@@ -5,7 +5,7 @@ import time
 from collections.abc import Callable
 from typing import Protocol
 
-CHUNK = 1024  # largest number of bytes processed at once, to keep it short
+CHUNK = 1024  # largest number of bytes processed at once, so that the work is short
 REST_FACTOR = 3.0  # rest per second of work [s], so that the loop can serve the arm
 MAX_DEBT = 0.02  # largest postponed rest [s], so that clients with few requests do not wait
 _BUSY_FACTOR = 10.0  # rest per second of other programs or threads on the processor [s]

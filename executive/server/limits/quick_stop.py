@@ -1,6 +1,6 @@
 """Quick stops: recognized and answered without uvicorn, h11 and Starlette, in a fifth of the time.
 
-A flood of stops therefore delays the next one little.
+A flood of stops therefore delays the next request little.
 """
 
 import asyncio
@@ -34,7 +34,7 @@ class QuickStop:
     """A stop at the start of data, from a client that may stop the arm.
 
     Attributes:
-        origin: Origin of the page that sent it; None if no page did.
+        origin: Origin of the page that sent the stop; None if no page sent it.
         keeps: True if the connection stays open after the answer.
         client: Name of a client with the token. Empty for other clients, because they must not fill
             the log.

@@ -79,7 +79,7 @@ class RecordingFilter:
 
 
 class RecordingFolder:
-    """Recordings of one folder, without those of servers. Any thread may call.
+    """The recordings of goals in one folder, without servers' own recordings. Any thread may call.
 
     Args:
         folder: The folder. It need not exist.
@@ -97,7 +97,7 @@ class RecordingFolder:
         self._copying = threading.Lock()
 
     def rows(self, query: RecordingFilter) -> list[Json]:
-        """Return the recordings of a query, newest name first."""
+        """Return the rows of the recordings that a filter accepts, newest name first."""
         purge(self._folder, utc_ns(self._clock) / 1e9 - UNDO)
         found, names = list[Json](), sorted(self._names(), reverse=True)
         self._rows.keep(set(names))
@@ -178,7 +178,7 @@ class RecordingFolder:
 
         Raises:
             NotFound: There is no such recording.
-            TooMuch: Another recording is being verified, or this takes more than `VERIFY_TIMEOUT`.
+            TooMuch: Another recording is being verified, or the time is over `VERIFY_TIMEOUT`.
         """
         words = ("replay", str(self.path(name).absolute()), "--verify", "--jobs", "1", "--json")
         if not self._verifying.acquire(blocking=False):
@@ -215,7 +215,7 @@ class RecordingFolder:
             delete(path)
 
     def restore(self, name: str) -> Json:
-        """Undo `delete`. Return the row.
+        """Restore a deleted recording. Return its row.
 
         Raises:
             LogError: The recording cannot be restored.
@@ -226,7 +226,7 @@ class RecordingFolder:
         return self._row(self._folder / name)
 
     def _get(self, cache: "_Cache[T]", name: str, make: Callable[[Path], T], *more: Hashable) -> T:
-        """Return a value computed from a recording, and from more values. It is cached.
+        """Return a value that `make` computes from a recording. The value is cached.
 
         Raises:
             NotFound: There is no such recording.
@@ -254,7 +254,7 @@ class RecordingFolder:
         with self._copying, _changing(copy := self._copies / path.name):
             age = path.stat().st_mtime - copy.stat().st_mtime if copy.exists() else COPY_AGE
             if age >= COPY_AGE:
-                logs.Recording(path)  # the file is a recording
+                logs.Recording(path)  # raises an error if the file is not a recording
                 if not copy_valid(path, copy) or not IndexedRecording(copy).with_topic(_GOAL):
                     copy.unlink()
                     raise logs.RecordingError(path, "has no goal")
@@ -291,7 +291,7 @@ class _Cache(Generic[T]):
         self._values: OrderedDict[Hashable, tuple[Hashable, T]] = OrderedDict()
 
     def get(self, key: Hashable, version: Hashable, make: Callable[[], T]) -> T:
-        """Return the value of a key and version. A missing one is made, one at a time."""
+        """Return the value of a key and version. Only one thread at a time makes a value."""
         with self._lock:
             if key not in self._values or self._values[key][0] != version:
                 self._values[key] = version, make()
@@ -314,7 +314,7 @@ class _Cache(Generic[T]):
 
 @contextmanager
 def _changing(path: Path) -> Iterator[None]:
-    """Context that converts errors of the operating system to errors of a file.
+    """Convert errors of the operating system in this context to errors of a recording.
 
     Raises:
         RecordingError: The operating system reported an error.
@@ -376,7 +376,7 @@ def _printed(words: Sequence[str]) -> str:
     """Run an armtree command, and return its output.
 
     Raises:
-        TimeoutExpired: The command takes more than `VERIFY_TIMEOUT`. It was ended.
+        TimeoutExpired: The command took more than `VERIFY_TIMEOUT`, and was killed.
     """
     command = [sys.executable, "-P", "-m", "executive", *words]
     silent = subprocess.DEVNULL

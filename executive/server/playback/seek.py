@@ -26,14 +26,14 @@ from .node_state import NodeState
 POINTS = 2000  # largest number of samples of positions of a recording
 _ROUNDING = 1e-6  # rounding error of times [s]
 _AHEAD = 2  # number of chunks that are unpacked ahead
-_EVENTS = 500  # smallest number of events in a window; it ends with a chunk
+_EVENTS = 500  # smallest number of events in a window; a window ends at the end of a chunk
 
 # A window also ends after this number of bytes, or after this number per node of the tree.
 _WINDOW_BYTES, _PER_NODE = 4 << 20, 1000
 
-# Largest sizes of messages that are in memory together [bytes]: those of nodes of the tree (and so
-# much per byte of the file), those of a plot, and those of an answer. The plans and the schedule of
-# a motion of 10 minutes have up to 30 MB.
+# Largest sizes of messages that are in memory together [bytes]: those of nodes of the tree, plus a
+# number for each byte of the file; those of a plot; those of an answer. The plans and the schedule
+# of a motion of 10 minutes have up to 30 MB.
 _NODE_BYTES, _NODE_BYTES_PER_BYTE, _PLOT_BYTES, _ANSWER_BYTES = 32 << 20, 16, 8 << 20, 64 << 20
 _LINE_BYTES = 4 << 20  # largest size of the lines of the log in an answer [bytes]
 
@@ -72,8 +72,8 @@ class _Window:
     Attributes:
         begin: Start of the window [s].
         first: Number of its first chunk.
-        nodes: State of the nodes before it, each with its last message, by path.
-        newest: Newest message before it, by topic.
+        nodes: State of each node before the window, with its last message, by path.
+        newest: Newest message before the window, by topic.
     """
 
     begin: float
@@ -95,7 +95,7 @@ class _Allowance:
         self._path, self._size, self._left, self._what = path, size, size, what
 
     def take(self, message: logs.Message, in_place_of: logs.Message | None = None) -> logs.Message:
-        """Add a message, and remove another one.
+        """Count a message, and no longer count another message that it replaces.
 
         Raises:
             RecordingError: The messages are too large.
@@ -148,7 +148,7 @@ class Timeline:
     Args:
         path: The recording.
         written: True if the run may still be under way. If False, and the recording has no end of
-            the run, the last event is that the server ended first.
+            the run, the last event is an end with the cause `ServerRestarted`.
 
     Attributes:
         goal: The goal, or None.
@@ -184,7 +184,7 @@ class Timeline:
         self.steps = sorted({round(max(0.0, each - self.began), 6) for each in self.steps})
 
     def to_json(self) -> Json:
-        """Return name, start and duration, and True if the recording has the end of the run."""
+        """Return a JSON object: name, start, duration, and True if the run's end is recorded."""
         return {
             "name": self._recording.path.name,
             "began_s": self.began,
@@ -199,10 +199,11 @@ class Timeline:
             at: The moment, from the beginning of the goal [s].
 
         Returns:
-            `from_s` and `to_s`, its start and end; `state`, events that restore the state before
-            it; `events`, its events; `previous_s` and `next_s`, the last step of the run before it
-            and the first one after it, or None. Times are from the beginning of the goal [s].
-            `state` and `events` are iterators, which may also raise RecordingError.
+            `from_s` and `to_s`, start and end of the window; `state`, events that restore the state
+            before the window; `events` of the window; `previous_s` and `next_s`, times of the last
+            step before the window and of the first step after it, or None. Times are from the
+            beginning of the goal [s]. `state` and `events` are iterators, which may also raise
+            RecordingError.
 
         Raises:
             RecordingError: The recording is damaged, or its messages are too large.
@@ -304,7 +305,7 @@ class Timeline:
         }
 
     def _last_pose(self) -> list[_Sample]:
-        """Return where the last frame leads, at its time; empty if no frame was sent."""
+        """Return the target of the last frame as a sample at its time; empty if there is none."""
         frame = self._last_frame(self._newest, len(self._recording.chunks))
         if not frame or not all(map(isfinite, frame.positions)):
             return []
@@ -350,7 +351,7 @@ class Timeline:
                 step_times.update(time for time, _ in opened.entries(topic))
             for topic in newest_of:
                 if entry := opened.newest(topic):
-                    # Plans are numbered in the order of their last messages.
+                    # Keep the order of the newest messages, in which plans are numbered.
                     newest.pop(topic, None)
                     newest[topic] = _Place(chunk, topic, entry)
             count += sum(map(opened.count, newest_of))
@@ -467,7 +468,7 @@ class Timeline:
 
 
 def _ends(schedule: logs.Schedule, frame: logs.Sent) -> bool:
-    """Return True if a frame is the last one of a motion. Its positions may be before the end."""
+    """Return True if a frame is the last of a motion. Its positions may be just before the end."""
     return (
         frame.scheduled is not None
         and schedule.time <= frame.time

@@ -242,7 +242,7 @@ class _Client:
     async def _send_goal(self, message: ros.SendGoal) -> None:
         client_id = message.identity
         if any(goal.client_id == client_id for goal in self._goals.values()):
-            raise ros.BadMessage(f"there is a goal {client_id!r} already", client_id)
+            raise ros.BadMessage(f"the goal {client_id!r} is already under way", client_id)
         if not self._bridge.goal_bucket.take():
             rate, burst = GOAL_RATE
             raise ros.BadGoal(
@@ -297,7 +297,7 @@ def _end_timer(subscription: _Subscription) -> None:
 class _GoalStatuses:
     """The last status of every known goal, in the order of acceptance.
 
-    Events arrive later than changes of the executive, so its state may be newer than the events.
+    An event arrives later than the change of the executive, which may already know newer states.
 
     Args:
         executive: Runs the goals. Its earlier goals are included.

@@ -1,4 +1,4 @@
-"""What systemd learns from a server that it started: that it is ready, runs, or ends.
+"""Messages to systemd from a server that systemd started: it is ready, runs, or ends.
 
 The messages are those of sd_notify(3), the environment variables those of sd_watchdog_enabled(3).
 """
@@ -26,7 +26,7 @@ class SystemdNotifier:
         self._timeout = int(environment.get("WATCHDOG_USEC", "0")) / 1e6 if own else 0.0
 
     def ready(self, loop: asyncio.AbstractEventLoop) -> None:
-        """Report that the server answers, and from now on at half of the watchdog's timeout."""
+        """Report that the server answers; then, at half of the watchdog's timeout, that it runs."""
         self._send("READY=1")
         if self._address and self._timeout:
             self._repeat(loop)

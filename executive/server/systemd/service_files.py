@@ -68,7 +68,7 @@ def install_steps(armtree: Path, port: str, usb: str, robot: Path | None) -> Ite
     yield NewFile(UNIT, unit_text(armtree, DEVICE if usb else port, robot))
     yield _program("systemctl daemon-reload")
     yield _program("systemctl enable armtree.service")
-    yield _program("systemctl restart armtree.service")  # an earlier one may run
+    yield _program("systemctl restart armtree.service")  # an earlier version may run
 
 
 def remove_steps() -> Iterator[Program]:
@@ -122,7 +122,7 @@ WantedBy=multi-user.target
 
 
 def hidden_from_service(path: Path) -> bool:
-    """Return True if the service cannot read a path: in a home folder or a temporary one."""
+    """Return True if the service cannot read a path, because its folder is a home or temporary."""
     return str(path.resolve()).startswith(_HIDDEN)
 
 

@@ -132,7 +132,7 @@ def test_a_failure_that_no_skill_explains() -> None:
     assert said(tree(Status.FAILURE), None, False) == (
         GoalState.ABORTED,
         "task.failed",
-        "The task failed: task failed by its own tree",
+        "The task failed: task failed, although none of its skills failed",
     )
 
 

@@ -42,6 +42,6 @@ def test_types_become_schemas() -> None:
     assert properties["turns"] == {
         "type": "array",
         "items": {"type": "string"},
-        "description": "Turns that the arm can make with its tool in place: of `roll`, `pitch` and "
-        "`yaw`.",
+        "description": "The turns of the tool that the arm can make while the tool stays at its "
+        "point: `roll`, `pitch` and `yaw`, or fewer.",
     }

@@ -56,7 +56,7 @@ def test_a_pose_with_a_joint_of_another_robot(folder: Path) -> None:
     ("words", "status", "why"),
     [
         (["save", "folded"], 3, "pose folded is shipped; give another name"),
-        (["save", "home"], 3, "pose home is that of the robot; give another name, or --replace"),
+        (["save", "home"], 3, "pose home is the robot's own; give another name, or --replace"),
         (["save", "a b"], 3, "of a joint or a unit; did you mean a_b?"),
         (["save", "x", "--group", "grip"], 2, "there are all, arm, gripper; did you mean gripper?"),
         (["save", "x", "--server", "http://localhost:1"], 13, "no server answers"),

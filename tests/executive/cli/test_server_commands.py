@@ -232,7 +232,7 @@ def test_breakpoints(typed: tuple[Served, Typed]) -> None:
         ("pick/Exceute", "no node pick/Exceute; there are pick, pick/SetStart, "),
         ("pick/Exceute", "; did you mean pick/Execute?"),
         ("pic/Execute", "no task is called pic; did you mean pick?"),
-        ("Execute", "no task is called Execute; it begins with a task's name: home, pick, "),
+        ("Execute", "no task is called Execute; a path begins with a task: home, pick, "),
     ]:
         status, _, error = type_in("break", wrong)
         assert (status, words in error) == (4, True), error

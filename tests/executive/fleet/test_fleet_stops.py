@@ -43,7 +43,7 @@ def test_a_stop_holds_the_fleet_and_names_who_does_not_confirm(
             assert (await ended(client, running)).state == "CANCELED"
             queued = await client.send(2, "bench", {})
             assert (await client.queued())[0] == 1
-            with pytest.raises(FleetError, match="queue of bench is held"):
+            with pytest.raises(FleetError, match="still holds the queue of bench"):
                 await client.resume(["bench.0"])
             for arm in arms:
                 arm.duration = 0.0
@@ -53,7 +53,7 @@ def test_a_stop_holds_the_fleet_and_names_who_does_not_confirm(
             await client._fleet.members.put(silent.arm, to_bytes(silent))
             monkeypatch.setattr("executive.fleet.fleet_client.STOP_SECONDS", 0.3)
             with pytest.raises(
-                NotConfirmed, match=r"2 of 3 arms confirmed stop; not bench\.silent;"
+                NotConfirmed, match=r"2 of 3 arms confirmed stop; not .* bench\.silent;"
             ):
                 await client.stop()
             assert [arm.stops for arm in arms] == [2, 2]
@@ -270,7 +270,7 @@ def test_an_arm_whose_server_died_remains_a_member_so_that_a_stop_names_it(
                     await running
                 assert [row.state for row in await client.arms()] == ["gone"]
                 with pytest.raises(
-                    NotConfirmed, match=r"0 of 1 arms confirmed stop; not bench\.0;"
+                    NotConfirmed, match=r"0 of 1 arms confirmed stop; not .* bench\.0;"
                 ):
                     await client.stop()
                 await client.forget("bench.0")
@@ -316,9 +316,9 @@ def test_a_stop_names_silent_arms_and_queues_that_are_not_held(
             with pytest.raises(NotConfirmed) as failure:
                 await client.stop()
             assert str(failure.value) == (
-                "1 of 2 arms confirmed stop; not bench.silent; the queues are not held and still "
-                "deliver jobs (nats: timeout); check these arms, and use their own pages or "
-                "power switches; then type the stop again"
+                "1 of 2 arms confirmed stop; not confirmed by bench.silent; the queues are not "
+                "held and still deliver jobs (nats: timeout); check these arms, and use their own "
+                "pages or power switches; then type the stop again"
             )
             assert [each.arm for each in failure.value.confirmed] == ["bench.0"]
 

@@ -91,7 +91,7 @@ def test_an_arm_with_its_key_runs_jobs_and_touches_no_other_arm(
                 await stolen.nats.publish(f"{reply}.{other.arm}", b'{"error": ""}')
 
             await stolen.nats.subscribe(control_subject("stop"), cb=confirm)
-            with pytest.raises(NotConfirmed, match=r"1 of 2 arms confirmed stop; not bench\.1;"):
+            with pytest.raises(NotConfirmed, match=r"1 of 2 arms confirmed stop; not .* bench\.1;"):
                 await client.stop()
             assert arm.stops == 1
             worker.end()

@@ -202,7 +202,7 @@ def test_a_cancel_ends_a_goal_whose_skill_does_not_return(server: RigMaker, task
     assert arm.executive.status().arm is State.UNCONFIGURED
     refused = arm.executive.send(1)
     assert (refused.code, arm.executive.goals()[-1].identity) == ("server.held", goal)
-    words = f"the code of t43/Hangs of goal {goal} for task 43 does not return"
+    words = f"goal {goal} for task 43 blocks all other goals, because the code of t43/Hangs"
     assert refused.message.startswith(words)
     arm.rest(3600.0)
     finished(Path(outcome.recording).parent)  # by threads in real time

@@ -190,7 +190,7 @@ def test_only_a_person_answers_a_question(serve: Serve, mode: str) -> None:
     async def unanswered(caller: Caller) -> None:
         waits = await caller.good("run_task", task="ask", wait_s=5 if not caller.asked else 0.2)
         assert "task 14 EXECUTING" in waits
-        assert "It waits for a person: Free? yes/no" in waits
+        assert "The goal waits for a person: Free? yes/no" in waits
         await caller.good("stop")
 
     drive(Caller(server, None, mode), unanswered)
@@ -206,7 +206,7 @@ def test_only_a_person_answers_a_question(serve: Serve, mode: str) -> None:
         running = asyncio.create_task(caller.bad("run_task", task="ask"))
         while not caller.asked:
             await asyncio.sleep(0)
-        assert "It waits for a person: Free? yes/no" in await caller.good("goal_state")
+        assert "The goal waits for a person: Free? yes/no" in await caller.good("goal_state")
         await caller.good("stop")
         assert "task 14 CANCELED" in await running
         assert caller.asked == ["The task asks: Free?"]
@@ -219,7 +219,7 @@ def test_a_person_answers_a_question_during_a_later_call(serve: Serve, mode: str
     server = make_server(serve().server.url)
 
     async def act(caller: Caller) -> None:
-        assert "It waits for a person: Free?" in await caller.good("run_task", task="ask")
+        assert "The goal waits for a person: Free?" in await caller.good("run_task", task="ask")
         later = Caller(server, "yes", mode)
         async with later.client:
             assert "task 14 SUCCEEDED" in await later.good("goal_state", wait_s=50)
@@ -253,7 +253,7 @@ def test_no_tool_activates_the_arm(serve: Serve) -> None:
     async def act(caller: Caller) -> None:
         for each in (*TOOLS, MOVE):
             await caller.call(each.name, **{name: given[name] for name in each.required})
-        assert "only a person activates it" in await caller.good("arm_state")
+        assert "only a person may activate the arm" in await caller.good("arm_state")
         assert caller.asked == []
 
     drive(Caller(make_server(served.server.url, allow_move=True), "yes"), act)
@@ -500,6 +500,6 @@ def test_errors_say_what_to_do(serve: Serve, monkeypatch: pytest.MonkeyPatch) ->
         end = await running
         assert "CANCELED" in end or "server.unreachable" in end  # the connection may end first
         assert "armtree serve" in await caller.bad("list_tasks")
-        assert "switch the power of its servos off" in await caller.bad("stop")
+        assert "switch the power of the servos off" in await caller.bad("stop")
 
     drive(Caller(make_server(served.server.url)), killed)

@@ -137,7 +137,7 @@ def test_a_run_that_found_no_plan_holds(rig: RigMaker, tmp_path: Path) -> None:
         ("Message", b'"delays_s":[0.0', b'"delays_s":[0.1', [False, True], "delays_s"),
         ("Message", b'"slowed_s":0.0', b'"slowed_s":0.5', [False, True], "slowed_s"),
         ("Message", b'"start":{"joint_1":0.0', b'"start":{"joint_1":0.1', [True, False], ""),
-        ("Message", b'"frames":31', b'"frames":30', [False, True], "counts 30 frames, 31"),
+        ("Message", b'"frames":31', b'"frames":30', [False, True], "counts 30 frames, but 31"),
     ],
 )
 def test_every_change_is_found_with_its_source(
@@ -262,7 +262,11 @@ def field(*places: Any, to: Any) -> Callable[[dict[str, Any]], None]:
             [False, False],
             "motion of 9.0 s is recor",
         ),
-        (retold("/schedule", field("start", "joint_1", to=0.1)), [True, False], "start elsewhere"),
+        (
+            retold("/schedule", field("start", "joint_1", to=0.1)),
+            [True, False],
+            "at another position",
+        ),
         (
             retold("/schedule", field("samples", 5, 0, to=0.1)),
             [False, False],

@@ -163,7 +163,7 @@ def rename(state: Any) -> None:
         (
             decoded("/joint_states", "sensor_msgs/msg/JointState", rename, 5),
             [False, True],
-            "was sent for joint_9, joint_2",
+            "was sent for the joints joint_9, joint_2",
         ),
         (retold("/result", field("state", to="CANCELED")), [False, True], "the result is CANCELED"),
         (
@@ -204,7 +204,7 @@ def test_a_result_that_differs_from_the_tree(rig: RigMaker) -> None:
 
     verification = verify(altered(picked(rig()), retold("/result", cancel)))
     assert checks(verification) == [False, True]
-    assert "the result is CANCELED, the tree ended SUCCESS" in verification.text()
+    assert "the result is CANCELED, but the tree ended with SUCCESS" in verification.text()
 
 
 @pytest.mark.parametrize(
@@ -254,7 +254,8 @@ def test_a_change_after_the_run_is_named(rig: RigMaker, tmp_path: Path) -> None:
     assert (verification.holds, verification.code) == (False, "replay.differs")
     assert verification.text().endswith("  /plan/arm was changed or removed after the run")
     verification = verify(altered(path, retold("/plan/arm", field("seed", to=2)), digests=True))
-    assert verification.checks[1].source == "seed: the goal has 1, the arm was planned with 2"
+    words = "seed: the goal has 1, but the group arm was planned with 2"
+    assert verification.checks[1].source == words
     verification = verify(
         altered(path, retold("/plan/arm", field("duration", to=9.0)), digests=True)
     )

@@ -17,7 +17,7 @@ HEADER = '''"""The client for ordinary programs.
 # Pattern and replacement, applied in this order
 REPLACED = [
     (r'\A""".*?"""', HEADER),
-    (r"A server, for programs that use asyncio", "A server"),
+    (r"A client of a server, for programs that use asyncio", "A client of a server"),
     (r"as an asynchronous context\.", "as a context; any thread may call."),
     (r"\basync (def|with|for)\b", r"\1"),
     (r"\bawait ", ""),

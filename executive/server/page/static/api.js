@@ -8,7 +8,7 @@
 
 const KEY = "armtree-token";
 const TIMEOUT = 10_000; // a request fails after this time without an answer [ms]
-const RETRY = 1000; // after a request without an answer [ms]
+const RETRY = 1000; // pause after a request without an answer [ms]
 
 /** No cookies: those of other programs on this machine could make a stop too long to be served first. */
 const isLocal = ["localhost", "127.0.0.1", "[::1]"].includes(location.hostname);

@@ -114,7 +114,7 @@ def test_a_move_is_canceled_like_any_goal(rig: RigMaker, shared_clock: Simulated
             False,
             1.0,
             "goal.bad_target",
-            "pick is a task, not a target: `armtree run pick`",
+            "pick is a task, not a target; `armtree run pick` runs it",
         ),
         (
             ("to", "folded"),

@@ -133,12 +133,12 @@ def test_a_server_that_is_killed_and_restarts_is_found_again(
     tab.locator("#connection").wait_for(state="hidden")
     shows(tab, "#session", "^watching only$")
     shows(tab, "#goal-state", "^failed$")  # and is not shown as running for ever
-    shows(tab, "#failure", "the server or command that ran this goal ended first")
+    shows(tab, "#failure", "the server or command that ran this goal ended before the goal")
     shows(tab, "#running", "^nothing$")
     tab.select_option("#runs-state", "UNFINISHED")
     shows(tab, "#runs li", "^task 10 wait.*cut off")
     tab.click("#runs li button")
-    shows(tab, "#failure", "the server or command that ran this goal ended first")
+    shows(tab, "#failure", "the server or command that ran this goal ended before the goal")
     assert tab.inner_text("#failure").count("check the position") == 1
     shows(tab, "#running", "^nothing$")
     tab.evaluate("scrollTo(0, 0)")

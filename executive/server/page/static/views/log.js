@@ -1,4 +1,4 @@
-/** The lines of the run's log: filtered, and marked up to the time cursor. */
+/** The lines of the run's log: filtered, and grey after the time cursor. */
 
 import { withoutIds } from "../api.js";
 import { byId, element } from "../dom.js";
