@@ -7,7 +7,7 @@ collisions. Then it times the path. A timed motion does not leave its path:
     bend       a path with a single rounded corner; with via points, a corner in each leg
     search     RRT-Connect
     shorten    shortcutting of a searched path
-    blend      parabolic blends at the corners
+    blend      parabolic blends at the corners, and a proof of the curve
     time       trapezoidal profile on a line, TOPP-RA on a curve
 
 If the robot file allows this, a motion may start in a slight contact, but must not deepen it. If
@@ -19,8 +19,9 @@ then checked for deeper contacts.
 """
 
 import dataclasses
-from collections.abc import Iterator
-from itertools import pairwise
+from collections.abc import Callable, Iterator
+from functools import partial
+from itertools import pairwise, tee
 
 import numpy as np
 
@@ -53,6 +54,7 @@ from .trajectory.plan import Plan
 from .world import EMPTY, Body, World
 
 Pairs = frozenset[frozenset[str]]  # pairs of links
+Search = Callable[[Array, Array], Iterator[Array]]  # start and goal -> paths
 
 _NONE: Pairs = frozenset()
 _MAX_SCENES = 4  # number of scenes kept in memory
@@ -371,12 +373,22 @@ def _paths(
             bend = find_bend(validator, legs[0])
         if bend:
             yield bend
-    paths = list(_leg_paths(validator, legs, straight, seed, watch))
-    waypoints = _distinct(np.vstack([paths[0], *(path[1:] for path in paths[1:])]))
-    if len(waypoints) > 2:
+    search: Search = partial(_search, validator, seed)
+    attempts = [(validator, search)]
+    if straight == [False]:
+        # Samples find almost every collision. A single proof of the finished curve takes half as
+        # long as proofs of all lines and blends; only if it fails, these are proved.
+        found = tee(search(*legs[0]))
+        samples = dataclasses.replace(validator, proves=False)
+        attempts = [(samples, lambda *_: found[0]), (validator, lambda *_: found[1])]
+    for each, search in attempts:
+        paths = list(_leg_paths(each, legs, straight, search, watch))
+        waypoints = _distinct(np.vstack([paths[0], *(path[1:] for path in paths[1:])]))
         with watch.stage("blend"):
-            curve = blend(validator, waypoints, np.array([path[-1] for path in paths[:-1]]))
-        yield waypoints, curve
+            curve = blend(each, waypoints, np.array([path[-1] for path in paths[:-1]]))
+            is_free = each.proves or validator.curve_is_free(curve)
+        if is_free:
+            yield waypoints, curve
     yield waypoints, Curve.through(waypoints, np.zeros(len(waypoints) - 2))
 
 
@@ -384,7 +396,7 @@ def _leg_paths(
     validator: MotionValidator,
     legs: list[tuple[Array, Array]],
     straight: list[bool],
-    seed: int,
+    search: Search,
     watch: Stopwatch,
 ) -> Iterator[Array]:
     """Yield the waypoints of each leg, the part between two points of the query (N, J) [rad].
@@ -403,20 +415,22 @@ def _leg_paths(
         elif corner is not None:
             path = corner
         else:
-            path = _searched_path(validator, here, goal, seed, watch)
+            path = _shortened(validator, search(here, goal), watch)
         here = path[-1]
         turns = turns + (here - goal)
         yield path
 
 
-def _searched_path(
-    validator: MotionValidator, start: Array, goal: Array, seed: int, watch: Stopwatch
-) -> Array:
-    """Return a path with free edges from start to goal, or to an equivalent goal (N, J) [rad]."""
-    with watch.stage("search"):
-        check_passable(validator, start, goal)
+def _search(validator: MotionValidator, seed: int, start: Array, goal: Array) -> Iterator[Array]:
+    """Yield paths from start to goal, or to an equivalent goal, as `find_paths` (N, J) [rad]."""
+    check_passable(validator, start, goal)
     goals = validator.group.equivalent_goals(start, goal)
-    paths, path = find_paths(validator, start, goals, seed), None
+    yield from find_paths(validator, start, goals, seed)
+
+
+def _shortened(validator: MotionValidator, paths: Iterator[Array], watch: Stopwatch) -> Array:
+    """Return the first path with free edges, shortened (N, J) [rad]."""
+    path = None
     while path is None:
         with watch.stage("search"):
             found = next(paths)

@@ -58,28 +58,28 @@ class BroadPhase:
             for kind, own in (tree, boxed), (pin.GeometryPool, ~boxed):
                 if own.any():
                     self._parts.append(_Pool(scene, kind, own.nonzero()[0]))
-        self._margins, self._margin = np.zeros(count), 0.0
+        self._margins, self._margin, self._count = np.zeros(count), 0.0, count
         self._pairs = frozenset(range(count))
 
     def set_margins(self, pairs: frozenset[int], margins: Array) -> None:
         """Set the pairs to check, and the margin of each pair of the scene (P,) [m]."""
         self._activate(pairs)
-        for part in self._parts:
-            part.set_margins(margins)
-        self._margin = math.nan
+        if margins is not self._margins:
+            for part in self._parts:
+                part.set_margins(margins)
+            self._margins, self._margin = margins, math.nan
 
     def set_margin(self, pairs: frozenset[int], margin: float) -> None:
         """Set the pairs to check, all with one margin [m]."""
         if margin != self._margin:
-            self._margins[:] = margin
-            self.set_margins(pairs, self._margins)
+            self.set_margins(pairs, np.full(self._count, margin))
             self._margin = margin
         self._activate(pairs)
 
     def _activate(self, pairs: frozenset[int]) -> None:
         if pairs is self._pairs:
             return
-        active = np.zeros(len(self._margins), bool)
+        active = np.zeros(self._count, bool)
         active[list(pairs)] = True
         for part in self._parts:
             part.activate(active)
@@ -140,7 +140,7 @@ class _Part(ABC):
     ) -> None:
         self._geometry, self._data, self._numbers, self.active = geometry, data, numbers, True
         self._ends, size = tuple(ends.T), len(geometry.geometryObjects)
-        self._margins, self._active = np.zeros((size, size)), np.zeros((size, size), bool)
+        self._margins = np.zeros((size, size))
         self._own = np.ones(len(numbers), bool)  # True for each pair that is checked
 
     def set_margins(self, margins: Array) -> None:
@@ -150,9 +150,10 @@ class _Part(ABC):
 
     def activate(self, active: Mask) -> None:
         """Set the pairs of the scene that are checked (P,)."""
-        self._active[self._ends] = self._own = active[self._numbers]
-        self.active = bool(self._own.any())
-        self._data.setActiveCollisionPairs(self._geometry, self._active, True)
+        own, data = active[self._numbers], self._data
+        for place in (own != self._own).nonzero()[0].tolist():
+            (data.activateCollisionPair if own[place] else data.deactivateCollisionPair)(place)
+        self._own, self.active = own, bool(own.any())
 
     @abstractmethod
     def collisions(self, q: Array, stop: bool, rows: int, check: Callable[[], None]) -> Mask:
@@ -164,23 +165,32 @@ class _Part(ABC):
 
 
 class _AllBoxes(_Part):
-    """Compares the boxes of all hulls, row by row. For few shapes, it is faster than a pool."""
+    """Compares the boxes of all hulls, row by row. For few shapes, it is faster than a pool.
+
+    `pin.computeCollisions` does a row's three steps in one call, but takes longer to find out which
+    kind of boxes it has.
+    """
 
     def __init__(self, scene: PlanningScene, numbers: NDArray[np.intp]) -> None:
-        self._kinematics, self._joints = scene.kinematics, scene.kinematics.createData()
         data = scene.hulls.createData()
         super().__init__(scene.hulls, scene.ends(scene.hulls), data, numbers)
-        kind = pin.BroadPhaseManager_NaiveCollisionManager
-        self._boxes = kind(self._kinematics, scene.hulls, data)
-        self._first = pin.CollisionCallBackDefault(scene.hulls, data, True)
+        model, hulls = scene.kinematics, scene.hulls
+        self._placed = model, model.createData(), hulls, data
+        self._boxes = pin.BroadPhaseManager_NaiveCollisionManager(model, hulls, data)
+        self._first = pin.CollisionCallBackDefault(hulls, data, True)
 
     def collisions(self, q: Array, stop: bool, rows: int, check: Callable[[], None]) -> Mask:
-        model, joints, boxes = self._kinematics, self._joints, self._boxes
+        place, placed, first = pin.updateGeometryPlacements, self._placed, self._first
+        update, collide = self._boxes.update, self._boxes.collide
         hits, period = np.zeros(len(q), bool), min(rows, _ROWS)
         for i, row in enumerate(q):
             if not i % period:
                 check()
-            if pin.computeCollisions(model, joints, boxes, row, True):
+            place(*placed, row)
+            update(False)
+            collide(first)
+            if first.collision:
+                first.init()
                 hits[i] = True
                 if stop:
                     break
@@ -191,14 +201,15 @@ class _AllBoxes(_Part):
 
         Each check finds one pair. To read the results of all pairs would take longer.
         """
-        model, joints, boxes, first = self._kinematics, self._joints, self._boxes, self._first
-        places = list[int]()
-        while True:
-            first.init()
-            if not pin.computeCollisions(model, joints, boxes, first, q[0]):
-                break
+        first, places = self._first, list[int]()
+        pin.updateGeometryPlacements(*self._placed, q[0])
+        self._boxes.update(False)
+        self._boxes.collide(first)
+        while first.collision:
             places.append(first.collisionPairIndex)
             self._data.deactivateCollisionPair(places[-1])
+            first.init()
+            self._boxes.collide(first)
         for place in places:
             self._data.activateCollisionPair(place)
         return [int(self._numbers[place]) for place in places]

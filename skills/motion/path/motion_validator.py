@@ -47,6 +47,7 @@ class MotionValidator:
         margin: Distance to keep at each sample [m].
         guaranteed: Distance that is proved along the whole path, also between samples [m].
         deadline: Deadline of the query.
+        proves: False to check lines and curves only at points: the middles of the longest sections.
     """
 
     checker: CollisionChecker
@@ -55,6 +56,7 @@ class MotionValidator:
     margin: float
     guaranteed: float
     deadline: Deadline
+    proves: bool = True
 
     @cached_property
     def lever_arms(self) -> Array:
@@ -138,7 +140,12 @@ class MotionValidator:
         count = int(travel / (step * _REFINEMENT**level)) + 1
         half = 0.5 / count
         for order in _coarse_to_fine(count):
-            share = self._refine(path, half * (2.0 * order + 1.0), half, travels, level)
+            middles = half * (2.0 * order + 1.0)
+            if self.proves:
+                share = self._refine(path, middles, half, travels, level)
+            else:
+                hit = self.checker.first_collision(self.full(path(middles)), self.margin)
+                share = None if hit is None else float(middles[hit])
             if share is not None:
                 return share
         return None
