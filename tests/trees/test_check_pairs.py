@@ -147,7 +147,7 @@ AROUND = [
     ("{timeout: X, after: 5 x}", "no unit x"),
     ("{timeout: X, aftr: 20 h}", "did you mean after?"),
     ("{parallel: [X], policy: al}", "did you mean all?"),
-    ("{guard: X}", "guard needs while"),
+    ("{guard: X}", "guard needs the key while"),
     ("{guard: X, while: {Wait: {duration: 1}}}", "Wait acts, and cannot be a condition"),
     ("{guard: X, whle: CheckHardware}", "did you mean while?"),
     ("{guard: X, while: CheckHardware, otherwise: stop}", "'stop' is not one of"),
