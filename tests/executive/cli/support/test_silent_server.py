@@ -67,6 +67,8 @@ def moving(shell: Shell) -> Iterator[PseudoTerminal]:
     """A terminal with a move on a server that is paused in the middle of it."""
     with terminal(shell, *MOVE) as moving:
         moving.until("executing")
+        with client(shell) as connected:
+            connected.goals()  # the command has the answer to its goal, which was asked before
         pause(shell)
         yield moving
         resume(shell)
