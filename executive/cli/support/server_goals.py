@@ -58,6 +58,7 @@ def send_and_wait(
         ClientError: The server cannot be reached, or it rejects the task and `as_json` is false.
     """
     goal_id, sent, ended = uuid.uuid4().hex, threading.Event(), threading.Event()
+    canceling = threading.Event()
     if isinstance(task, Move):
         send = partial(client.send_move, task)
     else:
@@ -69,7 +70,7 @@ def send_and_wait(
         Interrupts(_LAST_WORDS) as interrupts,
         view_for(as_json, verbose) as view,
     ):
-        interrupts.on_cancel(lambda: _cancel(client, goal_id, view, sent, ended))
+        interrupts.on_cancel(lambda: _cancel(client, goal_id, view, sent, ended, canceling))
 
         def work() -> Outcome:
             view.put(where)
@@ -88,7 +89,7 @@ def send_and_wait(
                     return outcome
                 sent.set()
                 try:
-                    with _silence_shown(client, view):
+                    with _silence_shown(client, view, canceling):
                         return _show_goal(events, goal_id, view)
                 except ServerUnreachable as error:
                     raise ServerLost from error
@@ -141,7 +142,7 @@ def watch(client: Client, as_json: bool, verbose: bool) -> None:
     with (
         view_for(as_json, verbose) as view,
         client.events() as events,
-        _silence_shown(client, view),
+        _silence_shown(client, view, threading.Event()),
     ):
         view.put(client.where())
         for event in events:
@@ -175,7 +176,12 @@ def _watch(event: logs.Record | QuestionStatus, view: View) -> None:
 
 
 def _cancel(
-    client: Client, goal_id: str, view: View, sent: threading.Event, ended: threading.Event
+    client: Client,
+    goal_id: str,
+    view: View,
+    sent: threading.Event,
+    ended: threading.Event,
+    canceling: threading.Event,
 ) -> None:
     """Cancel a goal as soon as the server answers. Show a message if it does not answer soon.
 
@@ -185,7 +191,9 @@ def _cancel(
         view: View that shows the goal.
         sent: Set when the server has accepted the goal, or the command ends.
         ended: Set when the command ends.
+        canceling: Event to set.
     """
+    canceling.set()
     words = _SILENT.format(client.url, f"{datetime.now():%H:%M:%S}")
     with _if_late(lambda: view.put(words)):
         sent.wait()
@@ -203,15 +211,23 @@ def _cancel(
 
 
 @contextmanager
-def _silence_shown(client: Client, view: View) -> Iterator[None]:
-    """During this context, show a message each time that the server stops answering."""
+def _silence_shown(client: Client, view: View, canceling: threading.Event) -> Iterator[None]:
+    """During this context, show a message each time that the server stops answering.
+
+    Not while `canceling` is set: the view shows only the last message, and that of a cancel that
+    waits says more.
+    """
     ended = threading.Event()
+
+    def show(words: str) -> None:
+        if not canceling.is_set():
+            view.put(words)
 
     def check() -> None:
         answers = True
         while not ended.wait(_CHECK_PERIOD):
-            show = partial(view.put, _HANGS.format(f"{datetime.now():%H:%M:%S}"))
-            with _if_late(show) if answers else nullcontext():
+            words = _HANGS.format(f"{datetime.now():%H:%M:%S}")
+            with _if_late(partial(show, words)) if answers else nullcontext():
                 try:
                     client.status()
                     answers = True
