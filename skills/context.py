@@ -87,8 +87,8 @@ class Context:
         wake: Callback that requests a tick of the tree. Any thread may call it.
         publish: Callback that reports an event to the recorder.
         clock: Time source.
-        wake_at: Callback that requests a tick at a time [s] on the clock of `now()`. Any tick
-            cancels the request, so repeat it at every tick.
+        wake_at: Callback that requests a tick at a time [s] on the clock of `now()`. Only the
+            earliest request is kept, so repeat a request at every tick.
         scene: Holds the world around the arm.
         operator: Interface to the person who answers questions.
         leader: Interface to the arm that a person moves by hand.

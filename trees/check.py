@@ -251,7 +251,7 @@ def _jobs(
         else:
             wrong = "does not exist; give a file, such as trees/3_wave.yaml"
             if file.exists():
-                wrong = "is no task, subtree or poses file; name it like 3_wave.yaml or reach.yaml"
+                wrong = "is not read: name a task like 3_wave.yaml, and a subtree like reach.yaml"
             if saved := AS_TEXT.fullmatch(file.name):
                 wrong = f"is not read, because its name ends in .txt; rename it to {saved[1]}"
             if file.is_dir():

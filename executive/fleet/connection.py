@@ -484,9 +484,10 @@ def _seed(key: str) -> str:
 
 
 def _own_token(url: str) -> str:
-    """Return the token of a NATS server that this user started here, or an empty text.
+    """Return the token of the NATS server at a URL if this user started it here, else "".
 
-    Another user's program may listen at other addresses of this machine. TLS would refuse it.
+    Without TLS, the host must be that in the server's file: at another address of this machine,
+    another user's program may listen. With TLS, the check of the certificate refuses that program.
     """
     parts = urlsplit(url)
     own = token_file.read(parts.port or NATS_PORT, token_file.FLEET)

@@ -340,11 +340,11 @@ class FleetClient:
         """Remove an arm that is gone from the list.
 
         Raises:
-            FleetError: The arm is not gone, or it is not a member.
+            FleetError: The arm is still connected, or it is not a member.
         """
         row = next((row for row in await self.arms() if row.member.arm == arm), None)
         if row is None or row.presence:
-            why = "is not gone; end its server" if row else "is not an arm of this fleet"
+            why = "is still connected; end its server" if row else "is not an arm of this fleet"
             raise FleetError(f"{arm} {why}; `armtree fleet ls` lists the arms")
         await self._fleet.members.purge(arm)
 

@@ -185,7 +185,7 @@ class Worker:
         await self._store_member()
 
     async def _store_member(self) -> None:
-        """Store the member and the consumers of its pool, if the NATS server may not know them."""
+        """Store the member and the consumers of its pool, unless the NATS server has them."""
         async with self._storing:  # so that no older hold is stored after a newer hold
             if self._member is None and await self._fleet.add_consumers(self._pool):
                 self._held = self._held or _BY_FLEET

@@ -33,7 +33,7 @@ class Mailbox:
     def wake_at(self, time: float) -> None:
         """Request a tick at a time of the run [s]. Only for the executor thread.
 
-        The request is valid until the next tick.
+        Only the earliest request is kept. Therefore repeat a request at every tick.
         """
         self._deadline = min(self._deadline, time)
 

@@ -54,7 +54,7 @@ _WAIT = {
         "goal continues, and goal_state waits for it.",
     }
 }
-_ONE_GOAL = {"goal_id": {**s.GOAL_ID, "description": "Id of the goal; default: that under way."}}
+_ONE_GOAL = {"goal_id": {**s.GOAL_ID, "description": "Id of a goal; default: the goal under way."}}
 
 TOOLS = (
     _read("list_tasks", "List the tasks of the arm: number, name, what each does."),

@@ -198,7 +198,7 @@ def _compiled(robot: Robot, recorded: Schedule) -> tuple[CompiledSchedule | None
     try:
         compiled = compile_schedule(robot, start, sample, recorded.duration)
     except KeyError as time:
-        return None, f"compiling needs the motion at {time} s, but no sample of it is recorded"
+        return None, f"frames need the motion at {time} s, and no sample at this time is recorded"
     except HardwareError as error:
         return None, f"the recorded motion cannot be compiled: {error}"
     return compiled, _schedules_difference(recorded, compiled)

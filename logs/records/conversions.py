@@ -102,7 +102,7 @@ def urdf(description: Description, stamp: Stamp) -> Message:
 
 
 def transforms(sent: Sent, stamp: Stamp) -> Message | None:
-    """Return the poses of all links as a TFMessage; None without a URDF, or for a setting."""
+    """Return the poses of all links as a TFMessage; None without a URDF, or for a board setting."""
     if stamp.kinematics is None or not sent.joints:
         return None
     links = stamp.kinematics.transforms(dict(zip(sent.joints, sent.positions, strict=True)))

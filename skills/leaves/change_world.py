@@ -33,7 +33,7 @@ _BODY = PortInformation(str, description="name of the body")
 _PLACE: Ports = {
     "body": _BODY,
     "position": vector("x, y, z of the body's centre in the frame of the robot's root [m]", "m"),
-    "rotation": vector("rotation about x, then y, then z [rad]", "rad", ORIGIN),
+    "rotation": vector("rotation about the fixed axes x, then y, then z [rad]", "rad", ORIGIN),
     "touches": PortInformation(
         list[str], default_value=[], description="links, bodies or floor that the body may touch"
     ),

@@ -362,8 +362,8 @@ def test_a_subtree_written_like_a_skill_is_reported_with_the_right_form(
 ) -> None:
     (mistake,) = found(robot, tmp_path, tree("open_gripper"))
     assert (
-        mistake
-        == "4:7 no skill open_gripper, but a subtree open_gripper: write subtree: open_gripper"
+        mistake == "4:7 there is no skill open_gripper; open_gripper is a subtree: "
+        "write subtree: open_gripper"
     )
 
 

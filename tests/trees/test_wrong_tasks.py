@@ -76,7 +76,7 @@ WRONG = [
     (REACH, "with: upright", "7:13 subtree reach needs the names of its ports: write with: {arm: "
      "upright, gripper: …}", ""),
     (f"- subtree: move_joints\n      {MOVE}", "- MoveJoints: {joints: {joint_1: 20 deg}}",
-     "8:7 no skill MoveJoints, but a subtree move_joints: write subtree: move_joints",
+     "8:7 there is no skill MoveJoints; move_joints is a subtree: write subtree: move_joints",
      f"    - subtree: move_joints\n      {MOVE}"),
     ("  sequence:", "  Sequence:", "5:3 Sequence takes no list of nodes; these do: sequence, "
      "selector, parallel; did you mean sequence?", "  sequence:"),
@@ -104,7 +104,8 @@ NODES = [
      "with a condition, not true", "      while: CheckHardware"),
     ("guard: true\n      while: CheckHardware", "10:14 a node is a skill, a subtree, or a control "
      "node such as sequence, not true", "    - guard: Succeed"),
-    ("reach", "10:7 no skill reach, but a subtree reach: write subtree: reach, with: {arm: …, "
+    ("reach", "10:7 there is no skill reach; reach is a subtree: "
+     "write subtree: reach, with: {arm: …, "
      "gripper: …}", ""),
     ("CheckHardware:", "10:7 CheckHardware has no value: leave out the colon",
      "    - CheckHardware"),
@@ -213,7 +214,8 @@ SLIPS = [
     ("joints:", "by:", "9:14 by is not a port of subtree move_joints; there are joints, speed",
      f"      {MOVE}"),
     (f"- subtree: move_joints\n      {MOVE}", "- move_joints: {joint_1: 20 deg}",
-     "8:7 no skill move_joints, but a subtree move_joints: write subtree: move_joints, with: "
+     "8:7 there is no skill move_joints; move_joints is a subtree: "
+     "write subtree: move_joints, with: "
      "{joints: {joint_1: 20 deg}}",
      f"    - subtree: move_joints\n      {MOVE}"),
 ]  # fmt: skip
@@ -224,7 +226,7 @@ SLIPS_OF_NODES = [
     ("Say: [hello, world]", "10:7 Say takes no list of nodes; these do: sequence, selector, "
      "parallel", ""),
     ("while: CheckHardware\n      subtree: open_gripper", "10:7 write the child of guard below "
-     "guard, and while in its own line",
+     "guard, and the key while in its own line",
      "    - guard:\n        subtree: open_gripper\n      while: CheckHardware"),
     ("Wait: {within: 2 s}", "10:14 within is not a port of Wait; there is only duration",
      "    - Wait: {duration: 2 s}"),

@@ -441,7 +441,7 @@ class TreeCompiler:
         name = reference(text)[1:] or text
         if not isinstance(value, Located) or f"{scope.namespace}/{name}" not in self._keys.written:
             return value
-        why = f"{value} is a text; the value of the key {name} is ${name}"
+        why = f"{value} is only a text; for the value of the key {name}, write ${name}"
         self._wrong(value.place, why, value.instead(f"${name}"))
         return Key(value.place, name, value.label)
 
@@ -469,7 +469,7 @@ class TreeCompiler:
             given = nested(target) if isinstance(target, Located) and nested(target) else given
         ports = by_port(given, source.parameters if source else {}, ("", ""), mistakes.add)
         ports = ports if any(mistake.instead for mistake in mistakes.found) else given
-        why = f"no skill {spec.skill}, but a subtree {name}: write subtree: {name}"
+        why = f"there is no skill {spec.skill}; {name} is a subtree: write subtree: {name}"
         if ports and ports.keys() != spec.ports.keys():
             why += f", with: {as_mapping(ports).as_yaml()}"
         right = as_subtree(spec.place, spec.skill, name, ports)

@@ -212,7 +212,7 @@ def _beside_child(
     asks = isinstance(head.value, str) or _has_node(head)
     named = asks and condition and condition not in given
     if word == condition or named:
-        why = f"{why}, and {condition} in its own line"
+        why = f"{why}, and the key {condition} in its own line"
         return kind.keywords[_DO] if _DO in given else why, {condition: head}
     example = EXAMPLES.get(kind.options[option].type) if option else None
     if _DO in given and example:

@@ -273,7 +273,7 @@ class _Parser:
         return value
 
     def _named(self) -> dict[str, str]:
-        """Return the values of keys that follow from the name of the file, by key."""
+        """Return the task, name and subtree that the name of the file gives, by key."""
         path = self.root.place.path
         number, _, name = path.stem.partition("_")
         return {"task": number if number.isdecimal() else "", "name": name, "subtree": path.stem}
@@ -437,7 +437,8 @@ class _Parser:
         for name, place in places.items():
             if name not in names and name in texts:
                 text = texts[name]
-                why = f"{text} is a text; the value of the {key[:-1]} {name} is ${name}"
+                what = f"the value of the {key[:-1]} {name}"
+                why = f"{text} is only a text; for {what}, write ${name}"
                 right = text.instead(f"${name}")
                 if str(text.value).startswith("-"):
                     right, why = None, f"{why}; it cannot be negated: declare another {key[:-1]}"

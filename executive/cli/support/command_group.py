@@ -1,4 +1,4 @@
-"""A group of commands: help by section, and options of every command."""
+"""A group of commands. Its help has sections. All its commands share some options."""
 
 import logging
 import sys

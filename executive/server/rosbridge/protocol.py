@@ -43,11 +43,11 @@ class BadMessage(Exception):
 
 
 class BadGoal(BadMessage):
-    """A goal that this server cannot accept. Its client waits for a result."""
+    """A goal that this server cannot accept. Its client gets the error as the result."""
 
 
 class BadCall(BadMessage):
-    """A service call that cannot be executed. Its client waits for a response."""
+    """A service call that cannot be executed. Its client gets the error as the response."""
 
     def __init__(self, text: str, call: "CallService") -> None:
         super().__init__(text, call.identity)

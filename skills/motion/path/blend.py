@@ -43,9 +43,11 @@ def _largest_radii(waypoints: Array) -> Array:
 
 
 def _via_radius(validator: MotionValidator, corner: Array) -> float:
-    """Return the largest radius whose blend passes the corner within `VIA_TOLERANCE` [rad].
+    """Return the largest radius [rad] at which the arm still passes close to the corner.
 
-    The middle of the parabola is closest to the corner, at r (e - d) / 4; see `curve.py`.
+    No part of the arm is then farther than `VIA_TOLERANCE` [m] from its pose at the corner. The
+    middle of the blend is closest to the corner. Its offset is r (e - d) / 4, with the radius r and
+    the directions d before and e after the corner; see `trajectory/curve.py`.
     """
     legs = np.diff(corner, axis=0)
     turn = abs(np.diff(legs / norms(legs)[:, None], axis=0)[0])

@@ -27,11 +27,11 @@ _State = tuple[str, tuple[str, ...], int, dict[str, float], "Packed"]
 
 @dataclass(frozen=True, eq=False)
 class Plan:
-    """A planned motion of one group. Its positions are exact at every time.
+    """A planned motion of one group: a path and a time law, both as formulas.
 
     Attributes:
         group: Name of the group that moves.
-        joints: Names of the group's actuated joints, the columns of every array (J).
+        joints: Names of the group's actuated joints, in the order of every dimension J.
         start: All actuated joints at the start (A,) [rad].
         origin: The group's joints at the start (J,) [rad].
         goal: The group's joints at the end (J,) [rad].

@@ -98,7 +98,9 @@ def test_a_file_with_another_content_is_not_overwritten(site: Path, tmp_path: Pa
     assert extract_robot(recording, out) == [file, urdf]
     urdf.write_text("mine")
     file.unlink()
-    with pytest.raises(LogError, match=r"six_axes\.urdf: exists .* is not overwritten; .*`-o FOLDER`"):
+    with pytest.raises(
+        LogError, match=r"six_axes\.urdf: exists .* is not overwritten; .*`-o FOLDER`"
+    ):
         extract_robot(recording, out)
     assert urdf.read_text() == "mine"
     assert not file.exists()

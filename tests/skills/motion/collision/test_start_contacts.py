@@ -115,7 +115,9 @@ def test_a_motion_that_can_only_deepen_a_contact_is_refused() -> None:
     table = frozenset(("base_link", "shoulder_link"))
     rules = replace(SO101.collision, floor=0.03, floor_ignores=table)
     planner = Planner(replace(SO101, collision=rules))
-    with pytest.raises(ContactDeepened, match=r"jaw.* floor .*would make this contact deeper.* by hand"):
+    with pytest.raises(
+        ContactDeepened, match=r"jaw.* floor .*would make this contact deeper.* by hand"
+    ):
         planner.plan(query((0, 0, 20, 90, 0, -10), (95,), "gripper"))
 
 
