@@ -59,6 +59,7 @@ class Ask(Skill):
         refuse(errors)
 
     def on_start(self) -> Status:
+        """Ask the question."""
         self._deadline = self.context.now() + self.get_input("within")
         choices = tuple(self.get_input("choices"))
         self._question = Question(self.get_input("question"), choices, self.context.wake)

@@ -34,6 +34,7 @@ class Set(Skill):
     OUTPUT_PORTS = {"key": Port(object, description="key to write to", like="value")}
 
     def on_start(self) -> Status:
+        """Write the value."""
         self._set_output("key", self.get_input("value"))
         return Status.SUCCESS
 
@@ -57,6 +58,7 @@ class Compare(Skill):
         return _NO_ORDER if text and inputs.get("is") in _ORDER else ""
 
     def on_start(self) -> Status:
+        """Compare the values."""
         left, relation = self.get_input("left"), self.get_input("is")
         right = self.get_input("right")
         texts = [isinstance(value, str) for value in (left, right)]

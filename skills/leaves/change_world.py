@@ -84,6 +84,7 @@ class _Add(Skill, register=False):
         )
 
     def on_start(self) -> Status:
+        """Add the body."""
         scene = self.context.scene
         body = self.body({port: self.get_input(port) for port in self.INPUT_PORTS})
         assert body
@@ -155,6 +156,7 @@ class RemoveBody(Skill):
     INPUT_PORTS = {"body": _BODY}
 
     def on_start(self) -> Status:
+        """Remove the body."""
         scene = self.context.scene
         scene.world = scene.world.without(self.get_input("body"))
         return Status.SUCCESS

@@ -31,6 +31,7 @@ class CheckBounds(Skill):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+        """Check the targets that are known before the run."""
         given = {group: inputs[group] for group in cls.INPUT_PORTS if group in inputs}
         refuse(target_errors(robot, given))
 

@@ -13,6 +13,7 @@ class CheckHardware(Skill):
     condition = True
 
     def on_start(self) -> Status:
+        """Check the lifecycle state of the arm."""
         state = self.context.arm.state
         if state is not State.ACTIVE:
             raise ConditionFails(f"the arm is {state.name.lower()}, not active")

@@ -89,6 +89,7 @@ class FollowLeader(Skill):
         return Status.RUNNING
 
     def on_pause(self) -> None:
+        """Stop the arm."""
         self.on_halt()
         self._rest()
 

@@ -62,6 +62,7 @@ class _PlanGroup(PlanningSkill, register=False):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+        """Check the inputs that are known before the run."""
         ports = [port for port in ("start", "goal") if port in inputs]
         errors = [
             error for port in ports for error in configuration_errors(robot, port, inputs[port])
@@ -72,6 +73,7 @@ class _PlanGroup(PlanningSkill, register=False):
         refuse(errors)
 
     def on_start(self) -> Status:
+        """Send the query to a worker."""
         robot, joints = self.context.robot, self.context.robot.actuated_in(self.group)
         start, goal, via = (self.get_input(port) for port in ("start", "goal", "via"))
         refuse(missing_joint_errors(robot, "start", start))

@@ -29,9 +29,11 @@ class ReachPoint(PlanningSkill):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+        """Check the inputs that are known before the run."""
         refuse(tool_target_errors(robot, inputs))
 
     def on_start(self) -> Status:
+        """Send the query to a worker."""
         given = {port: self.get_input(port) for port in self.INPUT_PORTS}
         robot, context = self.context.robot, self.context
         refuse(missing_joint_errors(robot, "start", given["start"]))

@@ -14,6 +14,7 @@ class Succeed(Skill):
     synonyms = ("alwayssuccess",)
 
     def on_start(self) -> Status:
+        """Succeed."""
         self.feedback_message = "done"
         return Status.SUCCESS
 
@@ -27,4 +28,5 @@ class Fail(Skill):
     INPUT_PORTS = {"reason": Port(str, description="message of the failure")}
 
     def on_start(self) -> Status:
+        """Fail."""
         raise TaskFailed(self.get_input("reason"))

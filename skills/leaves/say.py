@@ -22,6 +22,7 @@ class Say(Skill):
     }
 
     def on_start(self) -> Status:
+        """Print the text."""
         value = self.get_input("value")
         shown = f"{value:g}" if isinstance(value, float) else str(value)
         line = f"{self.get_input('text')} {shown}".rstrip()

@@ -39,6 +39,7 @@ class Target(Skill):
 
     @classmethod
     def validate(cls, robot: Robot, inputs: Mapping[str, Any]) -> None:
+        """Check the inputs that are known before the run."""
         errors = missing_joint_errors(robot, "start", inputs["start"]) if "start" in inputs else []
         if "joints" in inputs:
             errors += joint_errors(robot, inputs["joints"])
@@ -54,6 +55,7 @@ class Target(Skill):
         return [tuple(_goal(robot, start, joints, "joints").values())]
 
     def on_start(self) -> Status:
+        """Complete the target and check it."""
         robot, start, joints = self.context.robot, self.get_input("start"), self.get_input("joints")
         refuse(missing_joint_errors(robot, "start", start))
         self._set_output("goal", _checked_goal(robot, start, joints, "joints"))
@@ -94,6 +96,7 @@ class Shift(Skill):
         return [tuple(_shifted(robot, inputs["start"], inputs["by"]).values())]
 
     def on_start(self) -> Status:
+        """Add the distances and check the result."""
         robot, start, by = self.context.robot, self.get_input("start"), self.get_input("by")
         refuse(distance_errors(robot, by))
         refuse(missing_joint_errors(robot, "start", start))

@@ -29,10 +29,12 @@ class Wait(Skill):
         return duration
 
     def on_start(self) -> Status:
+        """Set the deadline."""
         self._deadline = self.context.now() + self.get_input("duration")
         return self.on_running()
 
     def on_running(self) -> Status:
+        """Succeed when the deadline has passed."""
         if self.context.now() >= self._deadline:
             return Status.SUCCESS
         self.context.wake_at(self._deadline)

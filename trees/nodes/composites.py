@@ -44,6 +44,7 @@ class _Reactive:
         self._context = context
 
     def tick(self) -> Iterator[Behaviour]:
+        """Tick the children, beginning with the first child."""
         yield from super().tick()  # type: ignore[misc]
         if self.status is Status.RUNNING:
             self._context.wake_at(self._context.now() + RECHECK_PERIOD)
@@ -73,14 +74,17 @@ class _SequentialKind(ControlNodeKind, register=False):
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
+        """Return a new node."""
         if options["memory"]:
             return self.with_memory(name, memory=True, children=children)
         return self.reactive(name, children, context)
 
     def label(self, options: Options) -> str:
+        """Return the name of the node in drawings."""
         return self.name if options["memory"] else f"reactive {self.name}"
 
     def groot(self, options: Options) -> list[Element]:
+        """Return the node of BehaviorTree.CPP."""
         return [(self.groot_tag if options["memory"] else f"Reactive{self.groot_tag}", {})]
 
     def check(self, node: Node) -> None:

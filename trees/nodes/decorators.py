@@ -31,6 +31,7 @@ class Timeout(Decorator):
         self.failure: TookTooLong | None = None
 
     def initialise(self) -> None:
+        """Start the timer."""
         self.failure, self._until = None, self._context.now() + self.after
 
     def update(self) -> Status:
@@ -85,6 +86,7 @@ class _ResultKind(ControlNodeKind, register=False):
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
+        """Return a new node."""
         return self.decorator(name, children[0])
 
 
@@ -97,6 +99,7 @@ class InverterKind(_ResultKind):
     synonyms = ("not", "Inverter")
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
+        """Return the possible outcomes of the node."""
         child = node.child(0, node.halted)
         return PossibleOutcomes(child.fails, child.succeeds, 0.0)
 
@@ -110,5 +113,6 @@ class ForceSuccessKind(_ResultKind):
     synonyms = ("ForceSuccess", "ignore_errors", "continue-on-error", "continue_on_error")
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
+        """Return the possible outcomes of the node."""
         child = node.child(0, node.halted)
         return PossibleOutcomes(True, False, 0.0 if child.fails else child.shortest)

@@ -78,6 +78,7 @@ class GuardKind(ControlNodeKind):
     node = Guard
 
     def lasts(self, options: Options) -> bool:
+        """Return True if the node may take several ticks."""
         return _pauses(options)
 
     def check(self, node: Node) -> None:
@@ -89,6 +90,7 @@ class GuardKind(ControlNodeKind):
             )
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
+        """Return the possible outcomes of the node."""
         pauses, condition = _pauses(node.options), node.child(1, halted=False)
         child = node.child(0, node.halted or (condition.fails and not pauses))
         return PossibleOutcomes(child.succeeds, child.fails or not pauses, child.shortest)

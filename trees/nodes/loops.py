@@ -42,6 +42,7 @@ class Loop(Decorator):
         return None if self._next is not None else share
 
     def initialise(self) -> None:
+        """Start the first round."""
         self.rounds, self._next = 0, None
 
     def tick(self) -> Iterator[Behaviour]:
@@ -119,6 +120,7 @@ class RetryKind(ControlNodeKind):
         return child
 
     def groot(self, options: Options) -> list[Element]:
+        """Return the node of BehaviorTree.CPP."""
         attributes = {"num_attempts": str(options["attempts"])}
         if backoff := options["backoff"]:
             attributes["_description"] = f"after {backoff:g} s; this time doubles at each attempt"
@@ -188,6 +190,7 @@ class RepeatKind(ControlNodeKind):
         return PossibleOutcomes(False, child.fails, 0.0)
 
     def groot(self, options: Options) -> list[Element]:
+        """Return the node of BehaviorTree.CPP."""
         return [("Repeat", {"num_cycles": str(options["times"] or -1)})]
 
 
@@ -238,6 +241,7 @@ class WaitForKind(ControlNodeKind):
         return PossibleOutcomes(child.succeeds, False, child.shortest)
 
     def groot(self, options: Options) -> list[Element]:
+        """Return the node of BehaviorTree.CPP."""
         description = f"checked every {options['every']:g} s"
         return [("RetryUntilSuccessful", {"num_attempts": "-1", "_description": description})]
 

@@ -47,6 +47,7 @@ class Race(Join):
     """Succeeds when a child succeeds, and halts the other children. Fails if all children fail."""
 
     def decide(self, statuses: set[Status]) -> None:
+        """Set the status from the statuses of the children."""
         if Status.SUCCESS in statuses:
             for child in self.children:
                 if child.status is Status.RUNNING:
@@ -79,12 +80,15 @@ class ParallelKind(ControlNodeKind):
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
+        """Return a new node."""
         return Race(name, children) if options["policy"] == "any" else Join(name, children)
 
     def label(self, options: Options) -> str:
+        """Return the name of the node in drawings."""
         return "parallel, any" if options["policy"] == "any" else "parallel"
 
     def flow(self, options: Options) -> Flow:
+        """Return the order of its children."""
         return Flow.ALTERNATIVES if options["policy"] == "any" else Flow.PARALLEL
 
     def check(self, node: Node) -> None:
@@ -107,5 +111,6 @@ class ParallelKind(ControlNodeKind):
         return any_of(children)
 
     def groot(self, options: Options) -> list[Element]:
+        """Return the node of BehaviorTree.CPP."""
         success, failure = ("1", "-1") if options["policy"] == "any" else ("-1", "1")
         return [("Parallel", {"success_count": success, "failure_count": failure})]

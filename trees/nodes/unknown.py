@@ -20,8 +20,10 @@ class UnknownKind(ControlNodeKind, register=False):
     def make(
         self, name: str, children: list[Behaviour], options: Options, context: Context
     ) -> Behaviour:
+        """Return a new node."""
         return Sequence(name, memory=True, children=children)
 
     def possible_outcomes(self, node: Node) -> PossibleOutcomes:
+        """Return the possible outcomes of the node."""
         node.children(halted=True)
         return PossibleOutcomes()
