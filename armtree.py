@@ -29,9 +29,7 @@ for _room in ("executive", "hardware", "logs", "skills", "trees"):
             "own: pipx install, or uv tool install"
         )
 
-from hardware.lazy_exports import lazy_exports, public_names  # noqa: E402, after the path is known
-
-__all__ = public_names(__file__)  # noqa: PLE0605, as the imports below list them
+from hardware.lazy_exports import lazy_exports  # noqa: E402, after the path is known
 
 # Each name is imported at its first use. A client does not wait for imports that only an arm needs.
 if typing.TYPE_CHECKING:
@@ -84,19 +82,24 @@ if typing.TYPE_CHECKING:
         TreeError as TreeError,
         UnknownTask as UnknownTask,
     )
+
+    __all__: list[str]
 else:
     __getattr__ = lazy_exports(__name__)
 
 
 def __dir__() -> list[str]:
-    return sorted(__all__)
+    return sorted(sys.modules[__name__].__all__)
 
 
 def main() -> None:
-    """Entry point of the command `armtree`."""
-    from executive.__main__ import main as run
+    """Entry point of the command `armtree`. A Ctrl-C while it loads prints no traceback."""
+    try:
+        from executive.cli.start import start
 
-    run()
+        start()
+    except KeyboardInterrupt:
+        sys.exit(130)
 
 
 if __name__ == "__main__":

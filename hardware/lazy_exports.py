@@ -3,7 +3,6 @@
 The package lists the names as imports under `if typing.TYPE_CHECKING`. This module reads them.
 """
 
-import ast
 import importlib
 import sys
 from collections.abc import Callable
@@ -21,7 +20,10 @@ def lazy_exports(package: str) -> Callable[[str], Any]:
 
     def load(name: str) -> Any:
         module = sys.modules[package]
-        if name not in (sources := _sources(str(module.__file__))):
+        if name == "__all__":
+            return [*_sources(str(module.__file__))]
+        # Python asks each module for `__path__`, which needs no file.
+        if name.startswith("__") or name not in (sources := _sources(str(module.__file__))):
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         value = getattr(importlib.import_module(sources[name], package), name)
         setattr(module, name, value)
@@ -30,14 +32,11 @@ def lazy_exports(package: str) -> Callable[[str], Any]:
     return load
 
 
-def public_names(file: str) -> list[str]:
-    """Return the public names of a package or module from its file, without importing it."""
-    return [*_sources(file)]
-
-
 @cache
 def _sources(file: str) -> dict[str, str]:
     """Return the modules of the public names of a file, by name: of all `from x import A as A`."""
+    import ast  # slow, and not needed to import the package
+
     nodes = ast.walk(ast.parse(Path(file).read_bytes()))
     return {
         alias.name: "." * node.level + (node.module or "")

@@ -178,7 +178,10 @@ def test_a_broken_skill_is_reported(tmp_path: Path) -> None:
 def test_an_unknown_name_of_the_module() -> None:
     with pytest.raises(AttributeError, match="no attribute 'Leg'"):
         armtree.Leg  # type: ignore[attr-defined]  # noqa: B018
-    assert set(armtree.__all__) == set(dir(armtree))
+    everything: dict[str, object] = {}
+    exec("from armtree import *", everything)
+    assert set(armtree.__all__) == set(dir(armtree)) == set(everything) - {"__builtins__"}
+    assert {"Arm", "GoalFailed", "Skill"} < set(everything)
 
 
 def test_importing_it_loads_nothing_else() -> None:
@@ -186,7 +189,7 @@ def test_importing_it_loads_nothing_else() -> None:
     command = [sys.executable, "-P", "-c", code]
     loaded = subprocess.run(command, capture_output=True, text=True, check=True).stdout.split()
     rooms = {"executive", "logs", "skills", "trees"}
-    assert (rooms | {"numpy", "py_trees", "pinocchio", "httpcore"}).isdisjoint(loaded)
+    assert (rooms | {"ast", "numpy", "py_trees", "pinocchio", "httpcore"}).isdisjoint(loaded)
     assert loaded.count("hardware") == 2  # `lazy_exports`, and the package around it
     assert "armtree" in loaded
 
@@ -195,6 +198,22 @@ def test_the_command_line_is_a_module_away() -> None:
     command = [sys.executable, "-m", "armtree", "--version"]
     done = subprocess.run(command, capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.startswith("armtree, version ")
+
+
+@pytest.mark.parametrize("loading", ["executive.cli", "threading", "click"])
+def test_a_ctrl_c_while_the_command_is_loading(loading: str) -> None:
+    code = f"""
+import sys, armtree
+class Interrupt:
+    def find_spec(self, name, *_):
+        if name == {loading!r}:
+            raise KeyboardInterrupt
+sys.meta_path.insert(0, Interrupt())
+armtree.main()
+"""
+    command = [sys.executable, "-P", "-c", code]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+    assert (done.returncode, done.stderr) == (130, "")
 
 
 # As a notebook does it: on a main thread whose event loop runs, without `with`.

@@ -67,7 +67,7 @@ def worker_of(place: FleetPlace, server: str, token: str, page: str) -> Iterator
 
     def start() -> "subprocess.Popen[bytes]":
         return subprocess.Popen(
-            [sys.executable, "-P", "-m", "executive", *command, "--child"],
+            [sys.executable, "-P", "-m", "armtree", *command, "--child"],
             stdin=subprocess.PIPE,
             stdout=subprocess.DEVNULL,
             # Every user of this machine can read the words of a command.

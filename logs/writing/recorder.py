@@ -56,8 +56,9 @@ class Recorder:
         Args:
             path: The new file. Its folder must exist.
             epoch_ns: UTC time at time 0 of the records' clock [ns since 1970].
-            on_failure: Callback for the first error; a full disk also counts as an error. A thread
-                of the recorder or `close` calls it. The callback must not close the recorder.
+            on_failure: Callback for the first error before `close`, which raises its own; a full
+                disk also counts as an error. A thread of the recorder calls it. The callback must
+                not close the recorder.
 
         Raises:
             RecordingExists: A file of that name exists.
@@ -264,6 +265,8 @@ class Recorder:
             return  # report only once, because log lines are recorded here too
         self._cause = cause
         _log.error("%s: cannot record: %s", self.path, cause)
+        if self._closed:
+            return
         try:
             self._on_failure(cause)
         except Exception:

@@ -38,7 +38,7 @@ from tests.bench.table import Row, arguments, show
 from tests.support.recordings.compact import compact
 from tests.support.recordings.file_damage import FOOTER_BYTES, Damage, failure, take
 
-ARMTREE = [sys.executable, "-P", "-m", "executive"]
+ARMTREE = [sys.executable, "-P", "-m", "armtree"]
 JOINTS = ("joint_1", "joint_2", "joint_3", "joint_4")
 EPOCH_NS = 1_795_000_000_000_000_000
 

@@ -21,7 +21,7 @@ sys.path = [folder for folder in sys.path if Path(folder) != Path(__file__).pare
 from hardware import load_robot
 from tests.bench.table import Row, arguments, show
 
-ARMTREE = [sys.executable, "-P", "-m", "executive"]
+ARMTREE = [sys.executable, "-P", "-m", "armtree"]
 
 
 def cold_start() -> float:

@@ -27,7 +27,7 @@ from tests.support.paths import EXAMPLES
 
 pytestmark = pytest.mark.slow
 
-ARMTREE = [sys.executable, "-P", "-m", "executive"]
+ARMTREE = [sys.executable, "-P", "-m", "armtree"]
 
 
 @pytest.fixture

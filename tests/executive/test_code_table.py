@@ -24,7 +24,7 @@ def every_error() -> set[type[Exception]]:
     """All errors of all rooms."""
     for room in ROOMS:
         for module in pkgutil.walk_packages(room.__path__, f"{room.__name__}."):
-            if not module.name.endswith(("__main__", "worker")) and ".ros2." not in module.name:
+            if not module.name.endswith("worker") and ".ros2." not in module.name:
                 importlib.import_module(module.name)  # ROS 2 may not be installed
     found, left = set[type[Exception]](), list(Exception.__subclasses__())
     while left:

@@ -108,6 +108,12 @@ class Command:
         """What it printed so far, on both streams."""
         return self.output.read_text(errors="replace") + self.errors.read_text(errors="replace")
 
+    def interrupted_python(self) -> bool:
+        """Whether Ctrl-C came while Python was starting: then it prints a traceback of its own."""
+        text = self.text()
+        of_armtree = "sys.exit(main())", "multiprocessing"  # of the command, of its workers
+        return "KeyboardInterrupt" in text and not any(words in text for words in of_armtree)
+
     def events(self, kind: str | None = None) -> list[dict[str, Any]]:
         """The objects that `--json` printed so far."""
         lines = self.output.read_text(errors="replace").splitlines(keepends=True)

@@ -16,7 +16,7 @@ from trees.nodes.kind import reserved_names
 
 pytestmark = pytest.mark.slow
 
-ARMTREE = [sys.executable, "-P", "-m", "executive"]
+ARMTREE = [sys.executable, "-P", "-m", "armtree"]
 PROJECT = """\
 [build-system]
 requires = ["setuptools"]

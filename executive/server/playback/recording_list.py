@@ -378,7 +378,7 @@ def _printed(words: Sequence[str]) -> str:
     Raises:
         TimeoutExpired: The command took more than `VERIFY_TIMEOUT`, and was killed.
     """
-    command = [sys.executable, "-P", "-m", "executive", *words]
+    command = [sys.executable, "-P", "-m", "armtree", *words]
     silent = subprocess.DEVNULL
     with subprocess.Popen(
         command, stdin=silent, stdout=subprocess.PIPE, stderr=silent, start_new_session=True

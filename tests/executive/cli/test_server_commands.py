@@ -32,7 +32,7 @@ pytestmark = pytest.mark.slow
 
 pytest_plugins = ["tests.support.servers.server_fixtures"]
 
-ARMTREE = [sys.executable, "-P", "-m", "executive"]
+ARMTREE = [sys.executable, "-P", "-m", "armtree"]
 
 
 class Shell:

@@ -133,7 +133,7 @@ async def under_way(server: Server) -> str:
 
 @pytest.mark.slow
 def test_over_standard_input_and_output(process: Server, tmp_path: Path) -> None:
-    command = ["-m", "executive", "mcp", "--server", process.url]
+    command = ["-m", "armtree", "mcp", "--server", process.url]
     environment = {**os.environ, "XDG_RUNTIME_DIR": str(tmp_path)}  # it has the token
     target = StdioServerParameters(command=sys.executable, args=command, env=environment)
 

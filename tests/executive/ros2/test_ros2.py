@@ -116,7 +116,7 @@ def new_peer(start: Start) -> Peer:
 
 @pytest.fixture(scope="module")
 def node(start: Start, served: Served, peer: Peer) -> Process:
-    return start("-m", "executive", "ros2", "--server", served.server.url)
+    return start("-m", "armtree", "ros2", "--server", served.server.url)
 
 
 def test_the_interface_package_builds(environment: Mapping[str, str], tmp_path: Path) -> None:
@@ -197,7 +197,7 @@ def test_goals_end_with_the_node_and_with_the_server(
 
     def serve(port: str) -> Process:
         command = ("serve", "--tcp-port", port, "--port", "virtual", "--activate", *words)
-        return start("-m", "executive", *command, stderr=subprocess.PIPE)
+        return start("-m", "armtree", *command, stderr=subprocess.PIPE)
 
     def ready(server: Process) -> str:
         log = ""
@@ -210,10 +210,10 @@ def test_goals_end_with_the_node_and_with_the_server(
     goal = peer.ask("start", "", 10)
     node.kill()
     assert served.executive.result(goal, LONGEST).state is GoalState.CANCELED
-    second = start("-m", "executive", "ros2", "--server", served.server.url)
+    second = start("-m", "armtree", "ros2", "--server", served.server.url)
     port = ready(server)
     names = ("--", "--ros-args", "-r", "__ns:=/other")
-    start("-m", "executive", "ros2", "--server", f"http://127.0.0.1:{port}", *names)
+    start("-m", "armtree", "ros2", "--server", f"http://127.0.0.1:{port}", *names)
     assert peer.ask("result_of", goal) == 5
     peer.ask("start", "", 10)
     assert peer.ask("result_of", goal) == 5  # so the node has read the earlier request, too

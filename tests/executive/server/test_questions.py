@@ -28,7 +28,7 @@ def asked(client: Client) -> tuple[str, str]:
 
 
 def armtree(served: Served, *words: str) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "executive", *words, "--server", served.server.url]
+    command = [sys.executable, "-m", "armtree", *words, "--server", served.server.url]
     return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
 
 
@@ -114,7 +114,7 @@ def test_the_command_answers(serve: Serve) -> None:
 
 def test_the_command_that_waits_shows_the_question(serve: Serve) -> None:
     served = serve()
-    command = [sys.executable, "-m", "executive", "send", "14", "--wait", "--server"]
+    command = [sys.executable, "-m", "armtree", "send", "14", "--wait", "--server"]
     with subprocess.Popen(
         [*command, served.server.url], stdout=subprocess.PIPE, text=True
     ) as waiting:
@@ -128,7 +128,7 @@ def test_the_command_that_waits_shows_the_question(serve: Serve) -> None:
 
 def test_json_output_contains_the_question(serve: Serve) -> None:
     served = serve()
-    command = [sys.executable, "-m", "executive", "send", "14", "--wait", "--json", "--server"]
+    command = [sys.executable, "-m", "armtree", "send", "14", "--wait", "--json", "--server"]
     with subprocess.Popen(
         [*command, served.server.url], stdout=subprocess.PIPE, text=True
     ) as waiting:

@@ -67,7 +67,7 @@ READS: dict[str, tuple[tuple[str, ...], Callable[[Scene], list[str | Path]]]] = 
     "SIGINT, SIGTERM or SIGHUP at a random time from the start of the command to its first motion,"
     " or while it reads a URDF of 900 links, a file of 900 obstacles or large recordings",
     "it ends, with exit status 7 or that of the signal, or by the signal itself, without a"
-    " traceback",
+    " traceback; in the first 0.1 s Python is starting, and at Ctrl-C prints its own",
     limit=3,
     unit="s",
     times=12,
@@ -84,7 +84,9 @@ def signals_early(scene: Scene) -> None:
     what = f"{which.name}, {read or 'a run'}"
     scene.check(run.popen.poll() is None, f"{what}: it had ended before")
     sent = run.signal(which)
-    scene.ended(run, 7, 128 + which, -which, what=what)
+    run.wait()
+    if not (which is signal.SIGINT and run.interrupted_python()):
+        scene.ended(run, 7, 128 + which, -which, what=what)
     scene.figure(time.monotonic() - sent)
     until("the end of its processes", lambda: not run.family())
 

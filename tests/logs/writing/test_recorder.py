@@ -239,6 +239,24 @@ def test_a_failing_disk_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     assert sum(1 for _ in read(recorder.path)) == 3
 
 
+def test_a_failure_at_the_end_is_raised_and_not_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The next run may have begun, and its recording has not failed."""
+    finish, reported = Journal.finish, list[Exception]()
+
+    def fail_to_finish(self: Journal) -> None:
+        finish(self)
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, reported.append)
+    recorder.put(sent(1))
+    monkeypatch.setattr(Journal, "finish", fail_to_finish)
+    with pytest.raises(RecordingIncomplete, match="Input/output error"):
+        recorder.close()
+    assert not reported
+
+
 def test_a_recording_that_is_deleted_is_reported_while_it_is_written(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -299,6 +317,7 @@ def test_a_record_that_cannot_be_converted_costs_itself_only(
     recorder.put(logs.Feedback(0.1, "no uuid", 1, "planning", "PlanArm"))
     recorder.put(logs.Feedback(0.2, "none either", 1, "planning", "PlanArm"))
     recorder.put(sent(2))
+    recorder.wait(5)
     with pytest.raises(RecordingIncomplete, match="2 records lost") as caught:
         recorder.close()
     assert [type(failure) for failure in failures] == [ValueError]
@@ -387,6 +406,7 @@ def test_a_full_disk_that_loses_nothing_is_reported_as_such(
 
     monkeypatch.setattr(os, "write", write)
     recorder.put(sent(1))
+    recorder.wait(5)
     with pytest.raises(DiskFull, match="its end was still recorded"):
         recorder.close()
     assert len(reported) == 1
@@ -424,6 +444,7 @@ def test_a_failing_on_failure_does_not_stop_the_recorder(
     recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, on_failure)
     recorder.put(logs.Feedback(0.1, "no uuid", 1, "planning", "PlanArm"))
     recorder.put(sent(1))
+    recorder.wait(5)
     with pytest.raises(RecordingIncomplete, match="1 records lost"):
         recorder.close()
     assert "could not be reported" in caplog.text

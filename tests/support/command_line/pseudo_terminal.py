@@ -16,7 +16,7 @@ from typing import Self
 
 _CONTROL = re.compile("\x1b\\[[0-9;?]*[A-Za-z]|\r")
 
-ARMTREE = [sys.executable, "-P", "-m", "executive"]
+ARMTREE = [sys.executable, "-P", "-m", "armtree"]
 
 
 class PseudoTerminal:

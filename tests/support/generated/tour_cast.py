@@ -42,7 +42,7 @@ def shots(plot: Path | None = None) -> list[Shot]:
 
     screen = Screen(COLUMNS, ROWS - 1)
     with TemporaryDirectory() as folder:
-        armtree = [sys.executable, "-P", "-m", "executive"]
+        armtree = [sys.executable, "-P", "-m", "armtree"]
         words = ("run", "1", "--port", "virtual", "--recordings", f"{folder}/recordings")
         status = on_screen([*armtree, *words], screen, {}, look)
         assert status == 0

@@ -51,7 +51,7 @@ def test_only_a_child_process_can_end_or_go_elsewhere() -> None:
 
 LOST = """
 import threading
-from executive import __main__
+import armtree
 from executive.cli import main
 
 class Late:
@@ -63,7 +63,7 @@ def command():
     threading.Event().wait(20.0)
 
 main.main = command
-__main__.main()
+armtree.main()
 """
 
 

@@ -27,7 +27,7 @@ MOVE = ("move", "joint_1=80deg", "--speed", "0.05")
 def impatient(longest: float = transport.ANSWER_TIMEOUT) -> list[str]:
     """A program that is armtree, and shows a missing answer early. An answer may take so long."""
     code = (
-        "from executive.__main__ import main\n"
+        "from armtree import main\n"
         "from executive.cli.support import interrupts, server_goals\n"
         "from executive.client import transport\n"
         "server_goals._CHECK_PERIOD = 0.3\n"

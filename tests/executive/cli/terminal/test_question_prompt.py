@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 
 __all__ = ["robot"]
 
-ARMTREE = [sys.executable, "-P", "-m", "executive"]
+ARMTREE = [sys.executable, "-P", "-m", "armtree"]
 TASK = """\
 task: 9
 name: careful

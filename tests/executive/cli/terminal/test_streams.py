@@ -13,7 +13,7 @@ from executive.api.codes import READER_ENDED_EXIT
 
 pytestmark = pytest.mark.slow
 
-ARMTREE = [sys.executable, "-P", "-m", "executive"]
+ARMTREE = [sys.executable, "-P", "-m", "armtree"]
 
 
 def run_on_terminal(folder: Path, arguments: Sequence[str], words: bytes) -> int:

@@ -171,7 +171,7 @@ def test_the_angles_at_the_end_are_those_of_the_end_of_the_motion(tmp_path: Path
 
 
 def command(folder: Path, robot: Path, *tasks: str) -> list[str]:
-    program = [sys.executable, "-P", "-m", "executive", "run", *tasks, "--port", "virtual"]
+    program = [sys.executable, "-P", "-m", "armtree", "run", *tasks, "--port", "virtual"]
     files = ["--robot", str(robot), "--recordings", str(folder / "recordings")]
     return [*program, *files, "--trees", str(EXAMPLES)]
 

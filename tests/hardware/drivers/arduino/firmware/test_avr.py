@@ -213,7 +213,7 @@ def test_a_task_on_avr_code(built: Built, firmware: str, tmp_path: Path) -> None
     with closing(AvrArduino(built, firmware)) as arduino:
         command = ["run", "0", "--robot", str(tmp_path / "robot.toml"), "--port", arduino.port]
         done = subprocess.run(
-            [sys.executable, "-P", "-m", "executive", *command],
+            [sys.executable, "-P", "-m", "armtree", *command],
             capture_output=True,
             text=True,
             timeout=60,

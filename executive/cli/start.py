@@ -1,4 +1,4 @@
-"""Entry point of `armtree`, `python -m armtree` and `python -m executive`."""
+"""The start of the command line, before slow imports."""
 
 import gc
 import os
@@ -11,18 +11,13 @@ _ALLOCATIONS = 10_000  # new objects until garbage is collected; imports make ma
 _SOON = 0.01  # time until a lost Ctrl-C is repeated [s]
 
 
-def main() -> None:
-    """Run the command line. Ctrl-C while it is loading also exits without a traceback."""
+def start() -> None:
+    """Run the command line."""
     gc.set_threshold(_ALLOCATIONS)
     sys.unraisablehook = _repeat_ctrl_c
-    try:
-        from .cli import main as cli
+    from .main import main
 
-        cli.main()
-    except KeyboardInterrupt:
-        from .api.codes import INTERRUPTED_EXIT
-
-        sys.exit(INTERRUPTED_EXIT)
+    main()
 
 
 def _repeat_ctrl_c(error: "sys.UnraisableHookArgs") -> None:
@@ -34,7 +29,3 @@ def _repeat_ctrl_c(error: "sys.UnraisableHookArgs") -> None:
     repeat.daemon = True
     with suppress(RuntimeError):  # the process is ending
         repeat.start()
-
-
-if __name__ == "__main__":
-    main()
