@@ -3,8 +3,8 @@
 import asyncio
 import contextlib
 import logging
+import selectors
 import socket
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -15,7 +15,6 @@ from executive.api.outcome import CancelResult
 from executive.api.token_bucket import TokenBucket
 
 from .connections import HEAD_SECONDS, MAX_HEAD, HttpConnection, SharedState, peek
-from .fair_queue import busy_rest
 from .quick_stop import QuickStop
 
 logger = logging.getLogger(__name__)
@@ -52,31 +51,36 @@ class Acceptor:
         self._rules, self._max_waiting = state.rules, state.max_connections
         self._protocol, self._stop = protocol, state.stop
         self._accepted: dict[socket.socket, float] = {}  # time of acceptance [s], oldest first
-        # Accepted connections without data, each with its deadline; with data; and with a stop.
-        self._silent: dict[socket.socket, asyncio.TimerHandle] = {}
+        # Accepted connections without data, with data, and with a stop. The loop's own readers and
+        # timers take three times as long for a connection as one selector and one timer.
+        self._silent = selectors.DefaultSelector()
         self._waiting: dict[socket.socket, None] = {}
         self._stopping = set[socket.socket]()
         self._tasks: set[asyncio.Task[Any]] = set()
         self._log_bucket = TokenBucket(0.1, 1.0, loop.time)
         self._pause: asyncio.TimerHandle | None = None
+        self._expiry: asyncio.TimerHandle | None = None  # callback for the oldest connection
         self._turn: asyncio.Handle | None = None  # callback that serves the next connection
+        loop.add_reader(self._silent.fileno(), self._examine_again)
         self._start()
 
     async def close(self) -> None:
         """Accept no more connections, and close the waiting ones. Wait until all others started."""
         if self._pause:
             self._pause.cancel()
+        if self._expiry:
+            self._expiry.cancel()
         self._loop.remove_reader(self._listener)
         for connection in tuple(self._accepted):
             self._close(connection)
+        self._loop.remove_reader(self._silent.fileno())
+        self._silent.close()
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def _start(self) -> None:
         self._loop.add_reader(self._listener, self._accept)
 
     def _accept(self) -> None:
-        begin, worked = self._loop.time(), time.thread_time()
-        pause = 0.0
         try:
             for _ in range(_AT_ONCE):
                 connection, _ = self._listener.accept()
@@ -85,13 +89,10 @@ class Acceptor:
         except (BlockingIOError, InterruptedError, ConnectionAbortedError):
             pass
         except OSError as error:
-            pause = _RETRY_SECONDS
             if self._log_bucket.take():
                 logger.error("Cannot accept a connection: %s", error.strerror)
-        rest = busy_rest(self._loop.time() - begin, time.thread_time() - worked)
-        if pause := max(pause, rest):
             self._loop.remove_reader(self._listener)
-            self._pause = self._loop.call_later(pause, self._start)
+            self._pause = self._loop.call_later(_RETRY_SECONDS, self._start)
 
     def _examine(self, connection: socket.socket) -> None:
         """Execute a stop, close an abandoned connection, or queue any other connection."""
@@ -106,13 +107,26 @@ class Acceptor:
             self._waiting[connection] = None
             self._turn = self._turn or self._loop.call_soon(self._serve_next)
         else:
-            self._silent[connection] = self._loop.call_later(HEAD_SECONDS, self._close, connection)
-            self._loop.add_reader(connection.fileno(), self._examine_again, connection)
+            self._silent.register(connection, selectors.EVENT_READ, connection)
+            self._expiry = self._expiry or self._loop.call_later(HEAD_SECONDS, self._close_expired)
         self._make_room()
 
-    def _examine_again(self, connection: socket.socket) -> None:
-        self._end_silence(connection)
-        self._examine(connection)
+    def _examine_again(self) -> None:
+        """Examine each silent connection that has data now, or has ended."""
+        for key, _ in self._silent.select(0):
+            if key.data in self._accepted:
+                self._silent.unregister(key.data)
+                self._examine(key.data)
+
+    def _close_expired(self) -> None:
+        """Close the connections that are silent for too long."""
+        self._expiry, since = None, self._loop.time() - HEAD_SECONDS
+        for connection, accepted in tuple(self._accepted.items()):
+            if accepted > since:
+                self._expiry = self._loop.call_later(accepted - since, self._close_expired)
+                break
+            if connection in self._silent.get_map():
+                self._close(connection)
 
     def _answer(
         self, connection: socket.socket, stop: QuickStop, stopped: asyncio.Future[CancelResult]
@@ -142,13 +156,9 @@ class Acceptor:
         """Forget a connection. Return the time of its acceptance."""
         self._stopping.discard(connection)
         self._waiting.pop(connection, None)
-        self._end_silence(connection)
+        with contextlib.suppress(KeyError):
+            self._silent.unregister(connection)
         return self._accepted.pop(connection)
-
-    def _end_silence(self, connection: socket.socket) -> None:
-        if deadline := self._silent.pop(connection, None):
-            deadline.cancel()
-            self._loop.remove_reader(connection.fileno())
 
     def _serve_next(self) -> None:
         while self._waiting:

@@ -168,12 +168,15 @@ def test_a_stop_on_a_connection_that_was_silent_needs_no_protocol(
         assert port(connection) not in watch.served
 
 
-def test_a_connection_that_stays_silent_is_closed(
+def test_connections_that_stay_silent_are_closed(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(acceptor, "HEAD_SECONDS", 0.1)
-    with raw(serve()) as connection:
-        assert answer(connection) == b""
+    served = serve()
+    with raw(served) as first:
+        assert stops(served)  # the first one has been accepted
+        with raw(served) as second:
+            assert answer(first) == answer(second) == b""
 
 
 def test_silent_connections_do_not_close_a_later_one_that_has_sent_data(
