@@ -18,9 +18,9 @@ from .slips import Edit, Spot, content_of, edits_near, line_before
 
 _MAX_EDITS = 4
 _KEPT = 10  # number of best texts that are edited further
-# Largest number of characters that a search reads, in about 0.25 s. Each text counts as `_PER_TEXT`
-# characters more, because reading it also costs a fixed time.
-_MAX_READ, _PER_TEXT = 125_000, 1_000
+# Largest number of characters that a search reads, in about 0.25 s. Each text and each of its
+# mistakes count as more characters, because they also cost a fixed time.
+_MAX_READ, _PER_TEXT, _PER_MISTAKE = 125_000, 1_000, 300
 _MAX_TEXT = 25_000  # largest text for a search [characters]
 _MAX_LEFT = 2  # largest number of mistakes in the edited lines of a repaired text
 
@@ -157,6 +157,7 @@ class _Search:
             return _Version(lines, edits, rank, spots)
         except FileError as error:
             mistakes = [*error.mistakes]
+        self._read += _PER_MISTAKE * len(mistakes)
         rank, spots = (0, len(mistakes), len(edits)), _spots(mistakes, lines)
         edited = {edit.spot[0] + 1 for edit in edits}
         near = sum(mistake.place.line in edited for mistake in mistakes)

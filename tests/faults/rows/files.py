@@ -53,11 +53,13 @@ def used(command: Command) -> Use:
 
 
 def checked(scene: Scene, folder: Path) -> tuple[Command, Use]:
-    """`armtree check` of a folder with mistakes."""
-    check = scene.armtree("check", "--trees", folder)
-    use = used(check)
-    scene.ended(check, 3, what=folder.name)
-    return check, use
+    """`armtree check` of a folder with mistakes, and the least that one of two runs took."""
+    uses = []
+    for _ in range(2):  # the time of one run depends on what else the machine does
+        check = scene.armtree("check", "--trees", folder)
+        uses.append(used(check))
+        scene.ended(check, 3, what=folder.name)
+    return check, min(uses, key=lambda use: use.processor)
 
 
 @row(
