@@ -5,6 +5,7 @@ import contextlib
 import logging
 import selectors
 import socket
+import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -15,6 +16,7 @@ from executive.api.outcome import CancelResult
 from executive.api.token_bucket import TokenBucket
 
 from .connections import HEAD_SECONDS, MAX_HEAD, HttpConnection, SharedState, peek
+from .fair_queue import busy_rest
 from .quick_stop import QuickStop
 
 logger = logging.getLogger(__name__)
@@ -81,6 +83,8 @@ class Acceptor:
         self._loop.add_reader(self._listener, self._accept)
 
     def _accept(self) -> None:
+        begin, cpu = self._loop.time(), time.thread_time()
+        pause = 0.0
         try:
             for _ in range(_AT_ONCE):
                 connection, _ = self._listener.accept()
@@ -89,10 +93,15 @@ class Acceptor:
         except (BlockingIOError, InterruptedError, ConnectionAbortedError):
             pass
         except OSError as error:
+            pause = _RETRY_SECONDS
             if self._log_bucket.take():
                 logger.error("Cannot accept a connection: %s", error.strerror)
+        worked = time.thread_time() - cpu
+        # Not longer than the work, so that the kernel's queue of new connections stays short.
+        rest = min(worked, busy_rest(self._loop.time() - begin, worked))
+        if pause := max(pause, rest):
             self._loop.remove_reader(self._listener)
-            self._pause = self._loop.call_later(_RETRY_SECONDS, self._start)
+            self._pause = self._loop.call_later(pause, self._start)
 
     def _examine(self, connection: socket.socket) -> None:
         """Execute a stop, close an abandoned connection, or queue any other connection."""

@@ -12,7 +12,7 @@ _BUSY_FACTOR = 10.0  # rest per second of other programs or threads on the proce
 MAX_BUSY_REST = 0.02  # longest rest of this kind after one piece of work [s]
 
 
-def _busy_rest(elapsed: float, worked: float) -> float:
+def busy_rest(elapsed: float, worked: float) -> float:
     """Return the rest after work on a busy computer [s].
 
     The operating system delays a process that has used its share of the processors. By resting, a
@@ -94,6 +94,6 @@ class FairQueue:
 
     def _rest(self, begin: float, worked: float) -> None:
         now, work = self._loop.time(), self._worked() - worked
-        rest = REST_FACTOR * work + _busy_rest(now - begin, work)
+        rest = REST_FACTOR * work + busy_rest(now - begin, work)
         self._rested = max(self._rested, now) + rest
         self._loop.call_later(max(0.0, self._rested - MAX_DEBT - now), self._process_next)
