@@ -102,7 +102,8 @@ def open_page(browser: Any, page_server: Served) -> Iterator[Open]:
         return tab
 
     yield open_tab
-    page_server.executive.cancel()
+    for goal in page_server.executive.cancel().goals:
+        page_server.executive.result(goal)  # the next test sends one
     for path in page_server.executive.status().breakpoints:  # of a test that ended early
         page_server.executive.break_at(path, False)
     for tab in (tab for context in contexts for tab in context.pages):
