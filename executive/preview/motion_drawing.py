@@ -37,8 +37,8 @@ def motion_drawing(robot: Robot, world: World, configurations: ArrayLike) -> Mot
     scene = PlanningScene(robot, world)
     links = {body.name: body.link for body in world.bodies}
     poses, bodies, held = [], [], []
-    for configuration in np.asarray(configurations):
-        shapes = [(name, points.tolist()) for name, points in convex_outlines(scene, configuration)]
+    for outlines in convex_outlines(scene, np.asarray(configurations, dtype=np.float64)):
+        shapes = [(name, points.tolist()) for name, points in outlines]
         poses.append([points for name, points in shapes if name not in links])
         held.append([points for name, points in shapes if links.get(name)])
         bodies = [points for name, points in shapes if links.get(name) == ""]

@@ -1,5 +1,7 @@
 """Outlines of links and bodies, for drawings."""
 
+from collections.abc import Iterator
+
 import coal
 import numpy as np
 import pinocchio as pin
@@ -13,27 +15,29 @@ _ANGLES = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
 _RING = np.column_stack((np.cos(_ANGLES), np.sin(_ANGLES), np.zeros(len(_ANGLES))))
 
 
-def convex_outlines(scene: PlanningScene, configuration: Array) -> list[tuple[str, Array]]:
-    """Return points around each shape, in the root frame.
+def convex_outlines(
+    scene: PlanningScene, configurations: Array
+) -> Iterator[list[tuple[str, Array]]]:
+    """Yield points around each shape, in the root frame, for each configuration.
 
     Args:
         scene: The robot in its world.
-        configuration: All actuated joints (A,) [rad].
+        configurations: All actuated joints (N, A) [rad].
 
-    Returns:
+    Yields:
         For each shape, the name of its link or body, and the points whose convex hull is the shape
         (P, 3) [m].
     """
-    data, model = scene.kinematics.createData(), scene.robot_model
-    pin.forwardKinematics(scene.kinematics, data, model.coordinates(configuration[None, :])[:, 0])
-    outlines = []
-    for index, shape in enumerate(scene.exact.geometryObjects):
-        if isinstance(shape.geometry, coal.Halfspace):
-            continue
-        pose = data.oMi[shape.parentJoint]
-        points = _points(shape) @ pose.rotation.T + pose.translation
-        outlines.append((scene.exact_links[index], points))
-    return outlines
+    data, kinematics = scene.kinematics.createData(), scene.kinematics
+    shapes = [
+        (link, shape.parentJoint, _points(shape))
+        for link, shape in zip(scene.exact_links, scene.exact.geometryObjects, strict=True)
+        if not isinstance(shape.geometry, coal.Halfspace)
+    ]
+    for q in scene.robot_model.coordinates(configurations).T:
+        pin.forwardKinematics(kinematics, data, q)
+        poses = [(pose.rotation.T, pose.translation) for pose in data.oMi]
+        yield [(link, points @ poses[joint][0] + poses[joint][1]) for link, joint, points in shapes]
 
 
 def _points(shape: pin.GeometryObject) -> Array:
