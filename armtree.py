@@ -29,8 +29,6 @@ for _room in ("executive", "hardware", "logs", "skills", "trees"):
             "own: pipx install, or uv tool install"
         )
 
-from hardware.lazy_exports import lazy_exports  # noqa: E402, after the path is known
-
 # Each name is imported at its first use. A client does not wait for imports that only an arm needs.
 if typing.TYPE_CHECKING:
     from executive.api.events import Event as Event, Status as Status, Where as Where
@@ -85,7 +83,11 @@ if typing.TYPE_CHECKING:
 
     __all__: list[str]
 else:
-    __getattr__ = lazy_exports(__name__)
+
+    def __getattr__(name):
+        from hardware.lazy_exports import lazy_exports
+
+        return lazy_exports(__name__)(name)
 
 
 def __dir__() -> list[str]:
@@ -99,7 +101,9 @@ def main() -> None:
 
         start()
     except KeyboardInterrupt:
-        sys.exit(130)
+        from executive.api.codes import INTERRUPTED_EXIT
+
+        sys.exit(INTERRUPTED_EXIT)
 
 
 if __name__ == "__main__":

@@ -53,8 +53,8 @@ class Acceptor:
         self._rules, self._max_waiting = state.rules, state.max_connections
         self._protocol, self._stop = protocol, state.stop
         self._accepted: dict[socket.socket, float] = {}  # time of acceptance [s], oldest first
-        # Accepted connections without data, with data, and with a stop. The loop's own readers and
-        # timers take three times as long for a connection as one selector and one timer.
+        # Accepted connections without data, with data, and with a stop. A reader and a timer of
+        # the loop for each silent connection would take longer than one selector and one timer.
         self._silent = selectors.DefaultSelector()
         self._waiting: dict[socket.socket, None] = {}
         self._stopping = set[socket.socket]()
