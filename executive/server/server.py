@@ -198,8 +198,9 @@ class HttpServer:
         self._loop = asyncio.new_event_loop()
         self._thread: threading.Thread | None = None
         try:
-            # Checked before the first connection is open. As many connections may wait.
-            self._max_connections = spare_files(workers, least=2, most=2 * MAX_CONNECTIONS) // 2
+            # Checked before the first connection is open. As many connections may wait, and twice
+            # as many may be put aside.
+            self._max_connections = spare_files(workers, least=4, most=4 * MAX_CONNECTIONS) // 4
         except HostLimit:
             self.stop()
             raise

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import errno
 import os
+import select
 import socket
 import threading
 import time
@@ -74,6 +75,11 @@ def port(connection: socket.socket) -> int:
     return int(connection.getsockname()[1])
 
 
+def is_open(connection: socket.socket) -> bool:
+    """Return True unless the server has closed the connection or sent data."""
+    return not select.select([connection], [], [], 0)[0]
+
+
 @pytest.mark.parametrize(
     "lines", [[], [STOP], [STOP, "host: here"]], ids=["nothing", "a line", "half a head"]
 )
@@ -140,6 +146,31 @@ def test_if_too_many_wait_the_oldest_is_closed(
             waiting = [stack.enter_context(raw(served)) for _ in range(20)]
         assert answer(waiting[0]) == b""
         assert port(waiting[0]) not in watch.served
+        assert stops(served)
+
+
+def test_a_stop_is_executed_before_earlier_connections_are_closed_to_make_room(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To accept a connection and to find its stop takes a part of the time to close another one."""
+    monkeypatch.setattr("executive.server.server.MAX_CONNECTIONS", 4)
+    watch, stop = Watch(monkeypatch), CancelThread.stop
+    silent, open_at_stop = list[socket.socket](), list[int]()
+
+    def stopped(thread: CancelThread) -> asyncio.Future[CancelResult]:
+        open_at_stop.append(sum(map(is_open, silent)))
+        return stop(thread)
+
+    monkeypatch.setattr(CancelThread, "stop", stopped)
+    served = serve()
+    own = f"host: 127.0.0.1:{served.server.port}"
+    with contextlib.ExitStack() as stack:
+        with watch.hold(served):
+            silent += [stack.enter_context(raw(served)) for _ in range(7)]
+            last = stack.enter_context(raw(served, STOP, own, "connection: close", "", ""))
+        assert answer(last).startswith(b"HTTP/1.1 200")
+        assert open_at_stop == [7]
+        assert answer(silent[0]) == b""
         assert stops(served)
 
 
