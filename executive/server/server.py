@@ -198,9 +198,8 @@ class HttpServer:
         self._loop = asyncio.new_event_loop()
         self._thread: threading.Thread | None = None
         try:
-            # Checked before the first connection is open. As many connections may wait, and twice
-            # as many may be put aside.
-            self._max_connections = spare_files(workers, least=4, most=4 * MAX_CONNECTIONS) // 4
+            # Checked before the first connection is open.
+            self._spare_files = spare_files(workers, least=2, most=4 * MAX_CONNECTIONS)
         except HostLimit:
             self.stop()
             raise
@@ -232,7 +231,8 @@ class HttpServer:
         rules = self._options.rules(self.port, self.token)
         app = App(endpoints, rules, self._clock, rosbridge)
         queue = FairQueue(self._loop)
-        state = SharedState(queue, rules, self._max_connections, stop)
+        most = min(MAX_CONNECTIONS, self._spare_files // 2)
+        state = SharedState(queue, rules, most, max(1, self._spare_files - 2 * most), stop)
         self._server = _Uvicorn(_config(app), state, self._socket)
         self._thread = self._clock.spawn(self._run, "network")
         self._server.ready.wait()

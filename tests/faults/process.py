@@ -41,7 +41,7 @@ def until(what: str, done: Callable[[], Any], seconds: float = HANG_S) -> Any:
     while not (value := done()):
         if time.monotonic() > end or INTERRUPTED.is_set():
             raise Hang(f"{what}: not within {seconds:g} s")
-        time.sleep(0.002)  # noqa: TID251, it waits for another process
+        time.sleep(0.004)  # noqa: TID251, it waits for another process
     return value
 
 

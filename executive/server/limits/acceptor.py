@@ -29,8 +29,8 @@ class Acceptor:
     """Accepts connections, and serves one in each turn of the loop.
 
     A complete stop is executed at once, without a protocol, and its connection is closed after the
-    answer. To find it early among many connections, the others are only put aside until the kernel
-    has no more connections or too many are put aside; to queue and to close them takes several
+    answer. To find it early among many connections, all others stay in a list of new connections
+    until the kernel has no more, or the list is full; to queue and to close them takes several
     times as long as to accept them.
 
     A connection that ends before the head of its request is complete is closed without
@@ -42,8 +42,7 @@ class Acceptor:
     Args:
         loop: Event loop of the server.
         listener: Socket that listens; it must not block.
-        state: Rules of access, and the largest number of connections that wait. Twice as many more
-            may be put aside.
+        state: Rules of access, and the largest numbers of connections.
         protocol: Callback that makes the protocol for a connection from the time of its acceptance.
     """
 
@@ -56,11 +55,10 @@ class Acceptor:
     ) -> None:
         self._loop, self._listener = loop, listener
         self._rules, self._max_waiting = state.rules, state.max_connections
-        self._max_new = 2 * self._max_waiting
-        self._protocol, self._stop = protocol, state.stop
+        self._protocol, self._stop, self._max_new = protocol, state.stop, state.max_new
         self._accepted: dict[socket.socket, float] = {}  # time of acceptance [s], oldest first
-        # Accepted connections that are put aside, with their first data; those without data, with
-        # data, and with a stop. A reader and a timer of the loop for each silent connection would
+        # Accepted connections that are new, with their first data; those without data, with data,
+        # and with a stop. A reader and a timer of the loop for each silent connection would
         # take longer than one selector and one timer.
         self._new: dict[socket.socket, bytes | None] = {}
         self._silent = selectors.DefaultSelector()
@@ -130,7 +128,7 @@ class Acceptor:
         return stop is not None
 
     def _queue_new(self) -> None:
-        """Queue the oldest connections that are put aside."""
+        """Queue the oldest of the new connections."""
         for connection, data in tuple(islice(self._new.items(), _AT_ONCE)):
             if connection in self._new:
                 del self._new[connection]

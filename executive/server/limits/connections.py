@@ -60,6 +60,7 @@ class SharedState(ServerState):
         rules: Rules of access.
         max_connections: Largest number of connections. If there are more, one is closed. As many
             more may wait for service.
+        max_new: Largest number of new connections, which do not wait for service yet.
         stop: Callback that stops the arm.
     """
 
@@ -68,11 +69,12 @@ class SharedState(ServerState):
         queue: FairQueue,
         rules: AccessRules,
         max_connections: int,
+        max_new: int,
         stop: Callable[[], asyncio.Future[CancelResult]],
     ) -> None:
         super().__init__()
-        self.fair_queue, self.rules, self.max_connections = queue, rules, max_connections
-        self.stop = stop
+        self.fair_queue, self.rules, self.stop = queue, rules, stop
+        self.max_connections, self.max_new = max_connections, max_new
 
 
 class _QueuedProtocol(asyncio.Protocol):

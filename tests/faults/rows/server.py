@@ -81,7 +81,7 @@ def flood(kind: str, fault: str, stops: bool = False, clients: int = CLIENTS) ->
             for late in delays(since, motions_of(scene.folder / result["recording"])):
                 scene.figure(1000 * (max(late, default=0.0) - min(late, default=0.0)), "late")
             for _ in range(STOPS - 1):
-                until("a while", lambda: scene.random.random() < 0.1)
+                until("a while", lambda: scene.random.random() < 0.2)
                 scene.figure(1000 * server.stop(), "standing")
             most = max(most, server.memory())
             scene.check(len(board.frames()) == len(frames), "a frame was sent after the stop")
@@ -187,10 +187,10 @@ def large_messages(scene: Scene) -> None:
         over, answers = threading.Event(), list[int]()
         reader = threading.Thread(target=read_all, args=(server, path.name, over, answers))
         reader.start()
-        until("a while", lambda: scene.random.random() < 0.003)
+        until("a while", lambda: scene.random.random() < 0.006)
         scene.figure(1000 * server.stop(), "in motion")
         for _ in range(STOPS):
-            until("a while", lambda: scene.random.random() < 0.1)
+            until("a while", lambda: scene.random.random() < 0.2)
             scene.figure(1000 * server.stop(), "standing")
         over.set()
         reader.join()

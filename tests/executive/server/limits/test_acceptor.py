@@ -407,7 +407,7 @@ def test_a_client_that_connects_while_the_server_ends_is_known() -> None:
             accepted.set()
             return Protocol()
 
-        state: Any = SimpleNamespace(rules=None, max_connections=1, stop=None)
+        state: Any = SimpleNamespace(rules=None, max_connections=1, max_new=2, stop=None)
         with socket.create_server(("127.0.0.1", 0)) as listener:
             listener.setblocking(False)
             accepting = Acceptor(asyncio.get_running_loop(), listener, state, protocol)
