@@ -119,10 +119,10 @@ class Decoder:
         message: Message = self._decoded(opcode, body)
         return message
 
-    def _decoded(self, opcode: int, body: bytes) -> Any:
+    def _decoded(self, opcode: int, body: bytes | memoryview) -> Any:
         if opcode == _MESSAGE:
             channel, sequence, time, published = _MESSAGE_HEAD.unpack_from(body)
-            data = body[_MESSAGE_HEAD.size :]
+            data = bytes(memoryview(body)[_MESSAGE_HEAD.size :])
             return self._message(channel, time, data, published, sequence)
         return self._kinds[opcode](self._stream(_Body(body)))
 
@@ -135,14 +135,17 @@ class Decoder:
             yield self._decoded(opcode, body)
             at += HEAD.size + len(body)
 
-    def _record_in(self, data: bytes, at: int, place: int) -> tuple[int, bytes]:
-        """Return the opcode and the body of the record at offset `at` in an unpacked chunk."""
+    def _record_in(self, data: bytes, at: int, place: int) -> tuple[int, memoryview]:
+        """Return the opcode and the body of the record at offset `at` in an unpacked chunk.
+
+        The body is a view: to copy megabytes holds up all other threads.
+        """
         self._records += 1
         if self._records > _RECORDS_LIMIT + place:
             raise BadRecord(f"{self._records} records are too many for {place} bytes of the file")
         opcode, length = HEAD.unpack_from(data, at)
         at += HEAD.size
-        body = data[at : at + length]
+        body = memoryview(data)[at : at + length]
         if len(body) < length:
             raise BadRecord(f"a record of {length} bytes exceeds the end of its chunk")
         return opcode, body

@@ -123,7 +123,7 @@ def _plain_text(cdr: bytes) -> str | None:
     """
     head = _LITTLE_ENDIAN + (len(cdr) - _TEXT_HEAD).to_bytes(4, "little", signed=True)
     plain = cdr[:_TEXT_HEAD] == head and not cdr[-1]
-    return cdr[_TEXT_HEAD:-1].decode() if plain else None
+    return str(memoryview(cdr)[_TEXT_HEAD:-1], "utf-8") if plain else None
 
 
 def read(path: Path | str, topics: Collection[str] | None = None) -> Iterator[Message]:
