@@ -2,9 +2,10 @@
 
 The path has a bend or a corner at the via point. It is found faster than a searched path, and is
 mostly shorter. The candidate via points are a low-discrepancy sequence: they cover the joint space
-around both ends evenly, and are not random. They are tried in the order of their path lengths. A
-fast filter first drops candidates that collide. It checks only a few pairs of links: the pairs that
-collide on the straight line, and the pairs that collided on a tried bend.
+around both ends evenly, and are not random. Half of them stay nearer to the ends. They are tried in
+the order of their path lengths. A fast filter first drops candidates that collide. It checks only a
+few pairs of links: the pairs that collide on the straight line, and the pairs that collided on a
+tried bend.
 """
 
 from functools import lru_cache
@@ -19,8 +20,10 @@ from .motion_validator import MotionValidator
 
 _CANDIDATES = 128
 _GROUP_SIZE = 16  # candidates filtered in one call
-_MAX_TRIES = 7  # largest number of bends that are checked completely
-_REACH = 2.0  # largest distance of candidates beyond the ends [rad]
+_MAX_TRIES = 10  # largest number of bends that are checked completely
+# Largest distance of candidates beyond the ends, times the number of joints [rad]: near and far
+# candidates alternate. With many joints, candidates far away would be sparse.
+_REACH = np.tile([[5.0], [10.0]], (_CANDIDATES // 2, 1))
 # Of a bend, checked first: halves, quarters ... If the first candidate is not free, most are not,
 # and these samples show it in a tenth of the time of a complete check.
 _SHARES = np.concatenate([np.arange(1.0, 2.0**k, 2.0) / 2.0**k for k in range(1, 6)])
@@ -102,9 +105,10 @@ def _find(
 
 def _via_points(group: JointGroup, ends: tuple[Array, Array]) -> Array:
     """Return the candidate via points, in the order of their path lengths (K, J) [rad]."""
-    low = np.maximum(group.lower, np.minimum(*ends) - _REACH)
-    high = np.minimum(group.upper, np.maximum(*ends) + _REACH)
-    points: Array = low + _low_discrepancy(len(low)) * (high - low)
+    count = len(group.lower)
+    low = np.maximum(group.lower, np.minimum(*ends) - _REACH / count)
+    high = np.minimum(group.upper, np.maximum(*ends) + _REACH / count)
+    points: Array = low + _low_discrepancy(count) * (high - low)
     lengths = norms(points - ends[0]) + norms(ends[1] - points)
     return points[np.argsort(lengths, kind="stable")]
 
