@@ -272,6 +272,7 @@ REFUSED_S = 1.5  # for a scene that is too large; a third of it is the start of 
     limit=8,  # a planner has 5 s
     unit="s",
     times=4,
+    alone=True,  # it computes all the time, and other rows would take half of that
 )
 def huge_scenes(scene: Scene) -> None:
     ((bodies, few),) = scene.share(itertools.product((True, False), repeat=2))
