@@ -30,8 +30,8 @@ class Acceptor:
 
     A complete stop is executed at once, without a protocol, and its connection is closed after the
     answer. To find it early among many connections, all others stay in a list of new connections
-    until the kernel has no more, or the list is full; to queue and to close them takes several
-    times as long as to accept them.
+    until the kernel has no more, or the list is full; to queue and to close them takes longer than
+    to accept them.
 
     A connection that ends before the head of its request is complete is closed without
     service. A silent connection waits for data, because most stops arrive just after their

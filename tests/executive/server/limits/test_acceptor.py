@@ -152,7 +152,7 @@ def test_if_too_many_wait_the_oldest_is_closed(
 def test_a_stop_is_executed_before_earlier_connections_are_closed_to_make_room(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """To accept a connection and to find its stop takes a part of the time to close another one."""
+    """To queue and to close a connection takes longer than to accept it and to find its stop."""
     monkeypatch.setattr("executive.server.server.MAX_CONNECTIONS", 4)
     watch, stop = Watch(monkeypatch), CancelThread.stop
     silent, open_at_stop = list[socket.socket](), list[int]()
