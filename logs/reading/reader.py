@@ -25,11 +25,12 @@ _LARGE = "/plan/", "/schedule", "/robot_description"
 
 # Largest count of some characters in a JSON message. A motion of 10 minutes at 100 Hz with 16
 # joints has 120,000 rows and 1,200,000 values. A world of 1000 bodies has 9000 keys.
-_MOST = {"[": 250_000, "{": 10_000, ",": 1_500_000, '":': 20_000}
+_MOST = {"[": 250_000, "{": 10_000, ",": 1_500_000, ":": 20_000}
 
-# A longer JSON text is decoded in Python [characters]. The decoder in C keeps the interpreter's
-# lock until it returns, and the server must be able to move and stop the arm during that time.
-_DECODED_AT_ONCE = 1 << 16
+# A function in C keeps the interpreter's lock until it returns, and the server must be able to move
+# and stop the arm during that time. So a longer JSON text is decoded in Python, and characters are
+# counted in parts of this length [characters].
+_AT_ONCE = 1 << 16
 
 
 @dataclass(frozen=True, slots=True)
@@ -94,7 +95,7 @@ class Message:
 
 
 class _PythonDecoder(json.JSONDecoder):
-    """JSON decoder that is written in Python, without the decoder in C."""
+    """JSON decoder in Python. Only strings are decoded in C: one of 14 MB took 11 ms."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -108,10 +109,12 @@ def _json(text: str) -> Any:
         ValueError: The text is not JSON, or has too many values.
         RecursionError: The value is nested too deeply.
     """
-    if len(text) <= _DECODED_AT_ONCE:
+    if len(text) <= _AT_ONCE:
         return json.loads(text)
+    begins = range(0, len(text), _AT_ONCE)
     for each, most in _MOST.items():
-        if (count := text.count(each)) > most:
+        count = sum(text.count(each, begin, begin + _AT_ONCE) for begin in begins)
+        if count > most:
             raise ValueError(f"it contains {each} {count} times; the limit is {most} times")
     return _PythonDecoder().decode(text)
 

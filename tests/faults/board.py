@@ -1,4 +1,5 @@
-"""A board on a pseudo-terminal, in a process of its own. It keeps its own log of bytes.
+"""A board on a pseudo-terminal, in a process of its own. It keeps its own log of bytes, in memory:
+on a disk that others use, a write waits, and a board does not.
 
 It shares no code with the virtual Arduino. As a program it reads commands from its standard input,
 one a line, and answers each with a line of JSON:
@@ -50,21 +51,25 @@ class Board:
     """A board that a command can open, driven from this process.
 
     Args:
-        folder: Folder of the port's name and the log.
+        folder: Folder of the port's name, and of the log after `close`.
         firmware: `stock` (the published sketch) or `armtree`.
         boot_s: How long it boots after it was opened [s].
     """
 
     def __init__(self, folder: Path, firmware: str = "stock", boot_s: float = 0.1) -> None:
         number = len(list(folder.glob("board*.log")))
-        self.port, self._log = folder / "ttyACM0", folder / f"board{number}.log"
+        self.port, self._file = folder / "ttyACM0", folder / f"board{number}.log"
+        self._file.touch()
+        self._log = open(os.memfd_create("board"), "rb", buffering=0)  # noqa: SIM115, read later
         self.period = 0.1 if firmware == "stock" else 0.02  # between two frames to it [s]
         self._known, self._rest = 0, b""  # bytes of the log that are in the lists; of no frame yet
         self._reads: list[Read] = []
         self._frames: list[Read] = []
-        command = [sys.executable, "-I", __file__, str(self.port), str(self._log), firmware]
+        log = self._log.fileno()
+        command = [sys.executable, "-I", __file__, str(self.port), str(log), firmware, str(boot_s)]
         self._process = subprocess.Popen(
-            [*command, str(boot_s)],
+            command,
+            pass_fds=[log],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             text=True,
@@ -99,10 +104,8 @@ class Board:
 
     def reads(self) -> list[Read]:
         """Everything that it read until now, on all its pseudo-terminals."""
-        with self._log.open("rb") as log:  # only what is new: rows ask every 2 ms
-            log.seek(self._known)
-            lines = log.read().splitlines(keepends=True)
-        for line in lines:
+        new = self._logged(self._known)  # rows ask every few milliseconds
+        for line in new.splitlines(keepends=True):
             if line.endswith(b"\n"):
                 self._known += len(line)
                 time, data = line.decode().split()
@@ -116,6 +119,12 @@ class Board:
         """Its frames, each with the time of its last byte."""
         self.reads()
         return list(self._frames)
+
+    def _logged(self, begin: int) -> bytes:
+        if self._log.closed:
+            return self._file.read_bytes()[begin:]
+        log = self._log.fileno()
+        return os.pread(log, os.fstat(log).st_size - begin, begin)
 
     def _note(self, read: Read) -> None:
         self._reads.append(read)
@@ -137,6 +146,8 @@ class Board:
             self._process.kill()
             self._process.wait()
             self._process.stdout.close()
+            self._file.write_bytes(self._logged(0))
+            self._log.close()
 
 
 class Sketch:
@@ -235,10 +246,10 @@ class OwnFirmware(Sketch):
 class Terminal:
     """The pseudo-terminal, at the pace of the line, and the firmware behind it."""
 
-    def __init__(self, port: Path, log: Path, firmware: str, boot_s: float) -> None:
+    def __init__(self, port: Path, log: int, firmware: str, boot_s: float) -> None:
         self.port, self.boot_s = port, boot_s
         self.firmware = OwnFirmware() if firmware == "armtree" else Sketch()
-        self.log = log.open("a", buffering=1)
+        self.log = os.fdopen(log, "w", buffering=1)
         self.stalled, self.open, self.resets, self.damage = False, False, 0, -1
         self.ready_at, self.unsent, self.mute = 0.0, b"", False
         self.harmed: float | None = None
@@ -355,7 +366,7 @@ def main(port: str, log: str, firmware: str, boot_s: str) -> None:
     """Run until standard input ends."""
     with contextlib.suppress(PermissionError):  # a board does not wait for the computer
         os.sched_setscheduler(0, os.SCHED_RR, os.sched_param(1))
-    terminal = Terminal(Path(port), Path(log), firmware, float(boot_s))
+    terminal = Terminal(Path(port), int(log), firmware, float(boot_s))
     credit, last = 0.0, time.monotonic()
     while True:
         ready, _, _ = select.select([sys.stdin], [], [], 0.001)

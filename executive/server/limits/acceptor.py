@@ -115,7 +115,7 @@ class Acceptor:
         if pause := max(pause, rest):
             self._loop.remove_reader(self._listener)
             self._next = self._loop.call_later(pause, self._start)
-        elif empty and self._new:
+        elif self._new:
             self._next = self._loop.call_soon(self._accept)
 
     def _execute_stop(self, connection: socket.socket, data: bytes | None) -> bool:

@@ -1,11 +1,10 @@
 """Finds a path through a single via point around an obstacle. It is tried before the search.
 
 The path has a bend or a corner at the via point. It is found faster than a searched path, and is
-mostly shorter. The candidate via points are a low-discrepancy sequence: they cover the joint space
-around both ends evenly, and are not random. Half of them stay nearer to the ends. They are tried in
-the order of their path lengths. A fast filter first drops candidates that collide. It checks only a
-few pairs of links: the pairs that collide on the straight line, and the pairs that collided on a
-tried bend.
+mostly shorter. The candidate via points are a low-discrepancy sequence in a small and a large box
+around both ends: they cover each box evenly, and are not random. They are tried in the order of
+their path lengths. A fast filter first drops candidates that collide. It checks only a few pairs of
+links: the pairs that collide on the straight line, and the pairs that collided on a tried bend.
 """
 
 from functools import lru_cache
@@ -21,9 +20,10 @@ from .motion_validator import MotionValidator
 _CANDIDATES = 128
 _GROUP_SIZE = 16  # candidates filtered in one call
 _MAX_TRIES = 10  # largest number of bends that are checked completely
-# Largest distance of candidates beyond the ends, times the number of joints [rad]: near and far
-# candidates alternate. With many joints, candidates far away would be sparse.
+# Largest distance of candidates beyond the ends, times the number of joints [rad]: those of the
+# small and of the large box alternate. With many joints, candidates far away would be sparse.
 _REACH = np.tile([[5.0], [10.0]], (_CANDIDATES // 2, 1))
+_FEW_JOINTS = 5  # arms with fewer have the boxes of an arm with five
 # Of a bend, checked first: halves, quarters ... If the first candidate is not free, most are not,
 # and these samples show it in a tenth of the time of a complete check.
 _SHARES = np.concatenate([np.arange(1.0, 2.0**k, 2.0) / 2.0**k for k in range(1, 6)])
@@ -106,8 +106,9 @@ def _find(
 def _via_points(group: JointGroup, ends: tuple[Array, Array]) -> Array:
     """Return the candidate via points, in the order of their path lengths (K, J) [rad]."""
     count = len(group.lower)
-    low = np.maximum(group.lower, np.minimum(*ends) - _REACH / count)
-    high = np.minimum(group.upper, np.maximum(*ends) + _REACH / count)
+    reach = _REACH / max(count, _FEW_JOINTS)
+    low = np.maximum(group.lower, np.minimum(*ends) - reach)
+    high = np.minimum(group.upper, np.maximum(*ends) + reach)
     points: Array = low + _low_discrepancy(count) * (high - low)
     lengths = norms(points - ends[0]) + norms(ends[1] - points)
     return points[np.argsort(lengths, kind="stable")]

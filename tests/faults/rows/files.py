@@ -115,7 +115,7 @@ BOMBS: dict[str, Callable[[], str]] = {
     "task-bombs",
     "task files made to exhaust memory or time: aliases, depth, size, numbers, tags",
     "`armtree check` refuses each with exit status 3 and its line, and takes little more than for a"
-    f" file of one line: less than {MEMORY} MiB, and so many times the processor time",
+    f" file of one line: at most {MEMORY} MiB more, and the processor time at most so many times",
     limit=1.8,
     unit="times",
     times=1,

@@ -10,6 +10,7 @@ from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
 
 import logs
+from logs.reading.mcap_records import HEAD, Decoder
 from logs.reading.tolerant_reader import TolerantReader
 from logs.views.narrative import narrative, overview
 from tests.logs.test_run import RUNS, record
@@ -35,6 +36,19 @@ def peak(bomb: Path) -> Iterator[None]:
     most = tracemalloc.get_traced_memory()[1]
     tracemalloc.stop()
     assert most < 100e6
+
+
+def test_a_message_is_copied_once() -> None:
+    """A copy of megabytes holds up all other threads."""
+    body = bytes(22) + b"x" * 8_000_000
+    chunk = HEAD.pack(0x05, len(body)) + body
+    decoder = Decoder()
+    tracemalloc.start()
+    message = decoder.message_at(chunk, 0, len(chunk))
+    most = tracemalloc.get_traced_memory()[1]
+    tracemalloc.stop()
+    assert message.data == body[22:]
+    assert most < 1.5 * len(body)
 
 
 @pytest.mark.usefixtures("peak")

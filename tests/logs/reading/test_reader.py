@@ -82,12 +82,19 @@ def test_a_large_message_is_one_of_a_motion(tmp_path: Path) -> None:
     for decode in (other.fields, lambda: other.data):
         with pytest.raises(RecordingError, match=r"a message on /goal has \d+ bytes; the limit is"):
             decode()
-    for each, count, most in (("[", 400_002, 250_000), ('":', 40_000, 20_000)):
-        text = each.encode() * count
+    for each, count, most in (("[", 400_002, 250_000), (":", 40_000, 20_000)):
+        text = each.encode() * count + b" " * MAX_BYTES
         head = b"\0\1\0\0" + (len(text) + 1).to_bytes(4, "little")
         words = re.escape(f"it contains {each} {count} times; the limit is {most} times")
         with pytest.raises(RecordingError, match=words):
             replace(message, cdr=head + text + b"\0").fields()
+
+
+def test_a_text_that_is_not_utf_8_is_refused(tmp_path: Path) -> None:
+    record(path := tmp_path / "run.mcap", RUNS["ok"])
+    goal = next(read(path, ["/goal"]))
+    with pytest.raises(RecordingError, match=r"a message on /goal can\w* be .*utf-8"):
+        replace(goal, cdr=goal.cdr.replace(b"pick", b"pic\xff")).fields()
 
 
 def test_a_long_text_is_cut_before_it_is_recorded(tmp_path: Path) -> None:

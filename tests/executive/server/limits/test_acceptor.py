@@ -174,6 +174,19 @@ def test_a_stop_is_executed_before_earlier_connections_are_closed_to_make_room(
         assert stops(served)
 
 
+def test_as_many_connections_as_one_turn_accepts_do_not_wait_for_another_one(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(acceptor, "_AT_ONCE", 4)
+    monkeypatch.setattr(acceptor, "busy_rest", lambda seconds, worked: 0.0)
+    served, watch = serve(), Watch(monkeypatch)
+    lines = "GET / HTTP/1.1", f"host: 127.0.0.1:{served.server.port}", "connection: close", "", ""
+    with contextlib.ExitStack() as stack:
+        with watch.hold(served):
+            clients = [stack.enter_context(raw(served, *lines)) for _ in range(4)]
+        assert all(answer(client).startswith(b"HTTP/1.1 200") for client in clients)
+
+
 def test_a_connection_that_follows_does_not_close_that_of_a_stop(
     serve: Serve, monkeypatch: pytest.MonkeyPatch
 ) -> None:
