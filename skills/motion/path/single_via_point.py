@@ -17,13 +17,13 @@ from skills.motion.trajectory.curve import Curve
 
 from .motion_validator import MotionValidator
 
-_CANDIDATES = 128
+_CANDIDATES = 192
 _GROUP_SIZE = 16  # candidates filtered in one call
 _MAX_TRIES = 10  # largest number of bends that are checked completely
 # Largest distance of candidates beyond the ends, times the number of joints [rad]: those of the
 # small and of the large box alternate. With many joints, candidates far away would be sparse.
 _REACH = np.tile([[5.0], [10.0]], (_CANDIDATES // 2, 1))
-_FEW_JOINTS = 5  # arms with fewer have the boxes of an arm with five
+_MAX_REACH = 2.0  # for arms with few joints [rad]
 # Of a bend, checked first: halves, quarters ... If the first candidate is not free, most are not,
 # and these samples show it in a tenth of the time of a complete check.
 _SHARES = np.concatenate([np.arange(1.0, 2.0**k, 2.0) / 2.0**k for k in range(1, 6)])
@@ -106,7 +106,7 @@ def _find(
 def _via_points(group: JointGroup, ends: tuple[Array, Array]) -> Array:
     """Return the candidate via points, in the order of their path lengths (K, J) [rad]."""
     count = len(group.lower)
-    reach = _REACH / max(count, _FEW_JOINTS)
+    reach = np.minimum(_REACH / count, _MAX_REACH)
     low = np.maximum(group.lower, np.minimum(*ends) - reach)
     high = np.minimum(group.upper, np.maximum(*ends) + reach)
     points: Array = low + _low_discrepancy(count) * (high - low)
