@@ -185,7 +185,7 @@ class Planner:
             BadQuery, NotFinite, StartOutOfBounds, Unreachable, GoalInCollision, PlanTimeout: The
                 first error that applies.
         """
-        checker, deadline = self._checker(query.world), Deadline(self._clock, query.timeout)
+        deadline, checker = Deadline(self._clock, query.timeout), self._checker(query.world)
         group = self._group(query.group)
         with checker.within(deadline):
             return solve_ik(self._robot, self._model, group, checker, query, deadline)
@@ -376,11 +376,12 @@ def _paths(
     search: Search = partial(_search, validator, seed)
     attempts = [(validator, search)]
     if straight == [False]:
-        # Samples find almost every collision. A single proof of the finished curve takes half as
-        # long as proofs of all lines and blends; only if it fails, these are proved.
-        found = tee(search(*legs[0]))
+        # Samples find almost every collision. The first attempt checks samples, and then proves the
+        # finished curve, which takes half as long as proofs of all lines and blends. Only if this
+        # fails, the second attempt proves them, for the same searched paths.
+        first, second = tee(search(*legs[0]))
         samples = dataclasses.replace(validator, proves=False)
-        attempts = [(samples, lambda *_: found[0]), (validator, lambda *_: found[1])]
+        attempts = [(samples, lambda *_: first), (validator, lambda *_: second)]
     for each, search in attempts:
         paths = list(_leg_paths(each, legs, straight, search, watch))
         waypoints = _distinct(np.vstack([paths[0], *(path[1:] for path in paths[1:])]))

@@ -1,6 +1,5 @@
 """Checks of numbers that come from callers."""
 
-import math
 from numbers import Real
 from typing import cast
 
@@ -9,7 +8,8 @@ from .errors import BadQuery, shown
 # Largest position of a continuous joint [rad], size or distance [m]. With much larger numbers,
 # rounding errors of an angle exceed a turn, and coal crashes if the square is not finite.
 MAX_MAGNITUDE = 1e6
-MIN_SIZE = math.ulp(0.0)  # smallest size of a solid, above 0 [m]
+# Smallest size of a solid [m]. pinocchio ignores a body whose box has a volume that rounds to 0.
+MIN_SIZE = 1e-6
 
 _MAX_SEED = 2**64 - 2  # recordings store seeds in 64 bits
 

@@ -131,7 +131,9 @@ class Body:
                 vector = part.type == Vector
                 right = _reals(value if vector else (value,), 3 if vector else 1, MIN_SIZE)
                 form = "x, y, z, each" if vector else "a number"
-                form += f" above 0, up to {MAX_MAGNITUDE:g} m{_meant(value, 3 if vector else 1)}"
+                form += (
+                    f" from {MIN_SIZE:g} to {MAX_MAGNITUDE:g} m{_meant(value, 3 if vector else 1)}"
+                )
             if not right:
                 words = f"The {part.name} {what} {_shown(value)}; give {form}"
                 yield BadWorld(words, kind, part.name)

@@ -28,7 +28,7 @@ class BroadPhase:
 
     Axis-aligned boxes around the hulls show which hulls may be close to each other. In a small
     scene, all boxes are compared. In a large scene, a tree of boxes finds them. The floor has no
-    bounded box, and the box of a very thin body has no volume; beside a tree, pairs with such a
+    bounded box, and the box of a very thin link has no volume; beside a tree, pairs with such a
     shape are checked one after another. If few pairs are checked at a time, they are also checked
     one after another, because boxes take time for every shape.
 

@@ -13,6 +13,7 @@ from .broad_phase import BATCH, FEW_SHAPES, collide
 from .planning_scene import PlanningScene, ShapePairs, part_of
 
 _CONTACT = coal.CollisionRequest()
+_MAX_POOLS = 256  # kept, of 80 kB each; a world of 400 bodies can have thousands of close pairs
 
 
 class NarrowPhase:
@@ -113,6 +114,8 @@ class NarrowPhase:
 
     def _pool(self, pair: int, margin: float) -> pin.GeometryPool:
         if pair not in self._pools:
+            if len(self._pools) == _MAX_POOLS:
+                del self._pools[next(iter(self._pools))]
             geometry, pairs, _ = self._of(pair)
             part, _ = part_of(geometry, self._scene.ends(geometry)[pairs])
             self._pools[pair] = pin.GeometryPool(self._scene.kinematics, part, 1)

@@ -27,7 +27,6 @@ _GRACE = 0.008  # a worker that has not answered this time after the timeout is 
 _SLOW = 0.1  # requests that take longer are likely to be canceled [s]
 _EXIT = 5.0  # longest wait for the exit status after the worker closed its socket [s]
 _FEW = 100  # a request with fewer via points and bodies in total is encoded quickly
-_MANY = 1000  # largest number of bodies in a world that is sent while the process starts
 _STOPPED_NOW = os.WSTOPPED | os.WNOHANG | os.WNOWAIT
 _START = 30.0  # longest time to load the robot on a slow machine [s]
 
@@ -63,7 +62,7 @@ class WorkerProcess:
         self._answers = AnswerChecker(robot)
         self._number = 0  # number of the last request
         self._ahead: tuple[float, bytes] | None = None  # deadline, and bytes still to send
-        self._send_setup(robot, world if len(world.bodies) <= _MANY else EMPTY)
+        self._send_setup(robot, world)
 
     @property
     def pid(self) -> int:
@@ -94,7 +93,7 @@ class WorkerProcess:
             until, message = ahead or self._encode(request)
             if message:
                 send(self._socket, message, until)
-            if slow and not self._answers_soon():
+            if slow and self._is_slow(until):
                 slow()
             return self._answers.check(request, self._answer_of(receive(self._socket, until)))
         except BadQuery as error:
@@ -140,10 +139,13 @@ class WorkerProcess:
         except ChildProcessError:  # another thread has read its exit status meanwhile
             return False
 
-    def _answers_soon(self) -> bool:
+    def _is_slow(self, until: float) -> bool:
+        """Wait for an answer. Return True if there is none after `_SLOW`, and time is left."""
+        if until - time.monotonic() < _SLOW:
+            return False
         poll = select.poll()
         poll.register(self._socket, select.POLLIN)
-        return bool(poll.poll(1e3 * _SLOW))
+        return not poll.poll(1e3 * _SLOW)
 
     def _send_setup(self, robot: Robot, world: World) -> None:
         try:

@@ -9,8 +9,9 @@ import pytest
 from hardware import Robot, load_robot
 from skills.motion import Body, Box, Cylinder, Shape, Sphere, World
 from skills.motion.arrays import Array, Mask
-from skills.motion.collision import broad_phase
+from skills.motion.collision import broad_phase, narrow_phase
 from skills.motion.collision.broad_phase import BroadPhase
+from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
 from tests.support.arms.robots import foreign
 
@@ -23,12 +24,12 @@ SHAPES: tuple[Shape, ...] = (
     Box((0.05, 0.03, 0.02)),
     Cylinder(0.02, 0.08),
     Sphere(0.03),
-    Box((1e-200, 0.1, 0.1)),
+    Box((1e-6, 1e-6, 1e-6)),
 )
 
 
 def world(random: np.random.Generator, reach: float) -> World:
-    """Bodies of every kind in any pose; the thin one has a box without a volume."""
+    """Bodies of every kind in any pose; the last one is as small as a body may be."""
     bodies = []
     for i in range(12):
         turn = random.normal(size=4)
@@ -73,3 +74,19 @@ def test_boxes_miss_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
             assert hits.any()
             assert (hits == hits_).all()
             assert (pairs, first) == (pairs_, first_)
+
+
+def test_as_few_pools_of_exact_shapes_as_one_find_the_same_collisions(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    robot, random = load_robot(), np.random.default_rng(2)
+    scene, rows = PlanningScene(robot, world(random, 0.6)), configurations(robot, random, 400)
+
+    def found() -> list[int | None]:
+        checker = CollisionChecker(scene)
+        return [checker.first_collision(part, 0.02) for part in np.split(rows, 40)]
+
+    many = found()
+    monkeypatch.setattr(narrow_phase, "_MAX_POOLS", 1)
+    assert found() == many
+    assert len({*many}) > 2
