@@ -1,6 +1,7 @@
 """Task files that are damaged at random, and files made to exhaust memory or time."""
 
 import contextlib
+import math
 import random
 import time
 from collections.abc import Callable
@@ -123,13 +124,15 @@ def bombs(scene: Scene) -> None:
         (scene.folder / name).mkdir()
         (scene.folder / name / "30_x.yaml").write_text(text())
     for name in sorted(BOMBS):
-        ratios = list[float]()
-        for _ in range(2):  # the speed of the machine changes, also between two commands
+        ratio = math.inf
+        for _ in range(3):  # the speed of the machine changes, also between two commands
             _, small = checked(scene, scene.folder / "small")
             check, use = checked(scene, scene.folder / name)
-            ratios.append(use.processor / small.processor)
+            ratio = min(ratio, use.processor / small.processor)
+            if ratio < 1.5:
+                break
         scene.check("30_x.yaml:" in check.text(), f"{name}: {last_line(check)}")
-        scene.figure(min(ratios))
+        scene.figure(ratio)
         more = use.memory - small.memory
         scene.check(more < MEMORY, f"{name}: {more:.0f} MiB more memory than a small file")
         scene.check(not (scene.folder / "pwned").exists(), "a file ran a program")
