@@ -101,7 +101,7 @@ class CollisionChecker:
 
     @cached_property
     def _distances(self) -> SignedDistance:
-        return SignedDistance(self.scene, self._data, self._placed, self._containment)
+        return SignedDistance(self.scene, self._data, self._placed, self._containment, self._check)
 
     @cached_property
     def _narrow(self) -> NarrowPhase:

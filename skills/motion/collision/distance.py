@@ -8,7 +8,7 @@ therefore never too small.
 """
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import coal
 import numpy as np
@@ -39,6 +39,7 @@ class SignedDistance:
         data: Working memory for the scene's kinematics.
         placed: Working memory for the scene's exact geometry.
         containment: Finds shapes inside meshes of the same scene.
+        check: Callback before calls that may take milliseconds. It raises an exception to stop.
     """
 
     def __init__(
@@ -47,9 +48,10 @@ class SignedDistance:
         data: pin.Data,
         placed: pin.GeometryData,
         containment: ContainmentChecker,
+        check: Callable[[], None],
     ) -> None:
         self._scene, self._data, self._placed = scene, data, placed
-        self._containment = containment
+        self._containment, self._check = containment, check
         self._placed_hulls = scene.hulls.createData()
         pairs = {links: k for k, links in enumerate(scene.linked_pairs(scene.hulls))}
         self._hull_pairs = [pairs[links] for links in scene.linked_pairs(scene.exact)]
@@ -120,6 +122,7 @@ class SignedDistance:
 
     def _gap(self, pair: int, nearest: float) -> float:
         """Return the distance [m]; the search ends early if it cannot be less than `nearest`."""
+        self._check()
         ends, result = self._scene.exact.collisionPairs[pair], coal.DistanceResult()
         if ends.first in self._scene.volumes and pair not in self._containment.mesh_pairs:
             return self._height(ends.first, ends.second)
@@ -190,6 +193,7 @@ class SignedDistance:
     def _collide(
         self, pair: int, shift: Array, request: coal.CollisionRequest
     ) -> coal.CollisionResult:
+        self._check()
         ends, result = self._scene.exact.collisionPairs[pair], coal.CollisionResult()
         coal.collide(*self._shape(ends.first), *self._shape(ends.second, shift), request, result)
         return result

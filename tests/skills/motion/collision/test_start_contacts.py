@@ -7,8 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from hardware import load_robot
+from hardware import SimulatedClock, load_robot
 from skills.motion import GoalInCollision, MotionCollides, PlanTimeout, StartInCollision, Verify
+from skills.motion.deadline import Deadline
 from skills.motion.errors import ContactDeepened
 from skills.motion.planner import Planner
 from skills.motion.query import Query
@@ -159,3 +160,13 @@ def test_the_deadline_covers_the_way_out(planner: Planner) -> None:
     with pytest.raises(PlanTimeout) as caught:
         planner.plan(replace(query(BOTH, READY), timeout=0.02))
     assert "straight" not in caught.value.milliseconds
+
+
+def test_depths_of_contacts_keep_the_deadline(planner: Planner) -> None:
+    """A depth takes milliseconds, and a motion out of contacts measures hundreds."""
+    checker, folded = planner.checker, np.radians(FOLDED)
+    with checker.within(Deadline(SimulatedClock(), -1.0)):
+        with pytest.raises(PlanTimeout):
+            checker.contacts(folded, SO101.collision.margin)
+        with pytest.raises(PlanTimeout):
+            checker.nearest(folded)
