@@ -8,7 +8,7 @@ from .errors import BadQuery, shown
 # Largest position of a continuous joint [rad], size or distance [m]. With much larger numbers,
 # rounding errors of an angle exceed a turn, and coal crashes if the square is not finite.
 MAX_MAGNITUDE = 1e6
-# Smallest size of a solid [m]. pinocchio ignores a body whose box has a volume that rounds to 0.
+# Smallest size of a body [m]. pinocchio ignores a body if the computed volume of its box is 0.
 MIN_SIZE = 1e-6
 
 _MAX_SEED = 2**64 - 2  # recordings store seeds in 64 bits

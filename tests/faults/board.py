@@ -20,6 +20,7 @@ one a line, and answers each with a line of JSON:
 
 import binascii
 import contextlib
+import io
 import json
 import math
 import os
@@ -60,7 +61,7 @@ class Board:
         number = len(list(folder.glob("board*.log")))
         self.port, self._file = folder / "ttyACM0", folder / f"board{number}.log"
         self._file.touch()
-        self._log = open(os.memfd_create("board"), "rb", buffering=0)  # noqa: SIM115, read later
+        self._log = io.FileIO(os.memfd_create("board"))
         self.period = 0.1 if firmware == "stock" else 0.02  # between two frames to it [s]
         self._known, self._rest = 0, b""  # bytes of the log that are in the lists; of no frame yet
         self._reads: list[Read] = []

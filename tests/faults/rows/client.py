@@ -147,8 +147,7 @@ def program(pieces: Answer, greets: bool = False) -> Iterator[str]:
 )
 def wrong_server(scene: Scene) -> None:
     lines = [f"{words} --server http://{{}}" for words in scene.share(COMMANDS)]
-    half = scene.random.sample(sorted(WRONG), len(WRONG) // 2)  # all would take a minute more
-    wrong_program(scene, {name: WRONG[name] for name in half}, lines)
+    wrong_program(scene, WRONG, lines)
 
 
 def wrong_program(

@@ -1,7 +1,6 @@
 """Task files that are damaged at random, and files made to exhaust memory or time."""
 
 import contextlib
-import math
 import random
 import time
 from collections.abc import Callable
@@ -124,15 +123,13 @@ def bombs(scene: Scene) -> None:
         (scene.folder / name).mkdir()
         (scene.folder / name / "30_x.yaml").write_text(text())
     for name in sorted(BOMBS):
-        ratio = math.inf
-        for _ in range(3):  # the speed of the machine changes, also between two commands
+        ratios = list[float]()
+        for _ in range(2):  # the speed of the machine changes, also between two commands
             _, small = checked(scene, scene.folder / "small")
             check, use = checked(scene, scene.folder / name)
-            ratio = min(ratio, use.processor / small.processor)
-            if ratio < 1.5:
-                break
+            ratios.append(use.processor / small.processor)
         scene.check("30_x.yaml:" in check.text(), f"{name}: {last_line(check)}")
-        scene.figure(ratio)
+        scene.figure(min(ratios))
         more = use.memory - small.memory
         scene.check(more < MEMORY, f"{name}: {more:.0f} MiB more memory than a small file")
         scene.check(not (scene.folder / "pwned").exists(), "a file ran a program")
