@@ -103,6 +103,7 @@ $(READY): .ci/lock.txt pyproject.toml | $(PIP)
 	@echo "Installing armtree and $$(grep -c '==' .ci/lock.txt) packages into $(VENV): planners, plots, server, recordings. pip prints nothing until it has ended."
 	$(INSTALL) --require-hashes -r .ci/lock.txt
 	$(INSTALL) --no-deps --no-build-isolation -e .
+	$(VENV)/bin/python -m compileall -q armtree.py executive hardware logs skills trees
 	@touch $@
 
 $(TOOLS): $(READY) .ci/lock-dev.txt

@@ -85,7 +85,7 @@ if typing.TYPE_CHECKING:
 else:
 
     def __getattr__(name):
-        from hardware.lazy_exports import lazy_exports
+        from hardware.loading.lazy_exports import lazy_exports
 
         return lazy_exports(__name__)(name)
 

@@ -2,7 +2,7 @@
 
 import typing
 
-from .lazy_exports import lazy_exports
+from .loading.lazy_exports import lazy_exports
 
 if typing.TYPE_CHECKING:
     from .arm.arm import Arm as Arm

@@ -8,11 +8,12 @@ import os
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from functools import cache
 from importlib import import_module
 from operator import attrgetter
 from typing import Any
+
+from .loading.dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

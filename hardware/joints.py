@@ -6,10 +6,10 @@ documentation of this package.
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from numbers import Real
 
 from .errors import BadPosition
+from .loading.dataclass import dataclass
 
 # Units in messages for people: factor and name, by the unit of a joint's position.
 DISPLAY_UNITS = {"rad": (math.degrees(1.0), "deg"), "m": (1e3, "mm")}

@@ -5,7 +5,7 @@ Importing this package is fast: only the functions that use MCAP, NumPy or matpl
 
 import typing
 
-from hardware.lazy_exports import lazy_exports
+from hardware.loading.lazy_exports import lazy_exports
 
 if typing.TYPE_CHECKING:
     from .errors import (

@@ -1,11 +1,13 @@
 """The context of a skill: robot, arm, planners, time source, and a callback for events."""
 
+import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from py_trees.behaviour import Behaviour
 
 from hardware import Arm, Clock, Robot, Schedule
+from hardware.loading.dataclass import dataclass
 
 from .leader import Leader, NullLeader
 from .merged_motion import MergedMotion
@@ -63,7 +65,7 @@ class LeaderRead:
 SkillEvent = Planned | Scheduled | LeaderRead
 
 
-@dataclass(slots=True)
+@dataclasses.dataclass(slots=True)
 class Scene:
     """The world around the arm during a run.
 

@@ -1,8 +1,9 @@
 """The interface to a leader: an arm that a person moves by hand, and that another arm follows."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Protocol
+
+from hardware.loading.dataclass import dataclass
 
 from .errors import NoLeader
 

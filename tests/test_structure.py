@@ -42,7 +42,7 @@ CROWDED = {
 }
 # Files that import others by name, and why.
 LOADERS = {
-    "hardware.lazy_exports": "public names of a room, from the imports that its package lists",
+    "hardware.loading.lazy_exports": "public names of a room: the imports that its package lists",
     "hardware.installed": "drivers and skills of other packages",
     "skills.leaves": "a skill is one file of this folder",
     "trees.nodes": "in the order in which messages list the kinds",

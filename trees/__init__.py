@@ -2,7 +2,7 @@
 
 import typing
 
-from hardware.lazy_exports import lazy_exports
+from hardware.loading.lazy_exports import lazy_exports
 
 if typing.TYPE_CHECKING:
     from .declarations import UNITS as UNITS, Declaration as Declaration

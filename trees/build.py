@@ -1,7 +1,6 @@
 """Builds a tree from a task file. The tree is compiled, analysed, wired and ready to run."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from py_trees.behaviour import Behaviour
@@ -9,6 +8,7 @@ from py_trees.blackboard import Blackboard
 from py_trees.common import Access, Status
 
 from hardware import Robot
+from hardware.loading.dataclass import dataclass
 from skills import Context, Skill, SkillError, combine_errors
 
 from .analysis.unreachable_nodes import check_outcomes
@@ -23,7 +23,7 @@ from .reading.grammar import Draft
 from .reading.library import Library
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Tree:
     """A tree that can run once.
 

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
+
+from hardware.loading.dataclass import dataclass
 
 # Units by type. A number without a unit is in the first unit.
 UNITS: Mapping[str, Mapping[str, float]] = {

@@ -6,13 +6,14 @@
 import dataclasses
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import TYPE_CHECKING, Any, cast
 
 import logs
 from executive.api import Policy
 from hardware import State
 from hardware.joints import joint_words
+from hardware.loading.dataclass import dataclass
 from hardware.printable import wire_bytes, wire_text
 from logs.records.field_types import frozen
 

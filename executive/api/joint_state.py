@@ -1,10 +1,11 @@
 """The state of the joints in the form of ROS's `JointState`, for the bridges to ROS."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 import logs
 from hardware import Robot
+from hardware.loading.dataclass import dataclass
 
 from .events import Event, Where
 

@@ -1,8 +1,8 @@
 """A move: a goal in words, without a task file."""
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
+from hardware.loading.dataclass import dataclass
 from logs import MOVE
 
 HOME = "home"  # the word for the home of the robot

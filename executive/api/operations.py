@@ -5,12 +5,13 @@ clients. The method of `Endpoints` with the name of a row answers the requests o
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from enum import Enum
 from functools import partial
 from typing import Any
 
 from hardware import TRANSITIONS
+from hardware.loading.dataclass import dataclass
 
 from . import schemas as s
 from .events import KINDS

@@ -6,12 +6,13 @@ numbers of `GoalState` and `CancelCode` are those of ROS 2.
 
 import sys
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, field, fields
 from enum import Enum
 from typing import Any, Self, TypeVar
 
 import logs
 from hardware import ArmtreeError, InternalError, host_limit
+from hardware.loading.dataclass import dataclass
 from hardware.printable import plural
 
 from .codes import LOST, OK

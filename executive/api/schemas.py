@@ -2,13 +2,14 @@
 
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from enum import Enum
 from inspect import cleandoc
 from types import NoneType
 from typing import Any, get_args, get_origin
 
 from hardware import DISPLAY_UNITS, State
+from hardware.loading.dataclass import dataclass
 
 from .events import UNITS, Status, Where
 from .outcome import CancelCode, Cause, GoalState, Outcome

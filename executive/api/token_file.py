@@ -9,9 +9,11 @@ import re
 import socket
 import stat
 import tempfile
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from pathlib import Path
 from urllib.parse import urlsplit
+
+from hardware.loading.dataclass import dataclass
 
 from .strict_json import parse_object
 

@@ -16,8 +16,7 @@ from executive.code_table import exit_status
 from .settings import ABOVE_0, PATH, FleetUrl, Url, Whole, option
 from .support.command_group import CommandGroup
 from .support.names import TASK, check_goal_id
-from .support.options import set_option
-from .support.own_arms import local_server
+from .support.options import server_option, set_option
 from .terminal.streams import LogPrinter, echo, echo_result
 
 if TYPE_CHECKING:
@@ -156,7 +155,7 @@ def key(file: Path) -> None:
 
 
 @fleet.command()
-@option("server", default=local_server)
+@server_option
 @_FLEET
 @click.option("--pool", metavar="POOL", required=True, help="Pool whose jobs the arm runs.")
 @click.option("--name", metavar="NAME", required=True, help="Name of the arm in the pool.")

@@ -6,11 +6,10 @@ from pathlib import Path
 
 import click
 
-from .settings import Whole, option
+from .settings import Whole
 from .support.command_group import command
 from .support.interrupts import signal_status
-from .support.options import robot_option
-from .support.own_arms import local_server
+from .support.options import robot_option, server_option
 from .support.process import end_process
 from .terminal.streams import echo
 
@@ -27,7 +26,7 @@ from .terminal.streams import echo
     "--allow-move", is_flag=True, help="Also offer `move`, to move joints or the tool of the arm."
 )
 @robot_option
-@option("server", default=local_server)
+@server_option
 def mcp(port: int | None, allow_move: bool, robot: Path | None, server: str) -> None:
     """Offer the tasks of a server to language models, as tools (MCP).
 

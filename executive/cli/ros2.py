@@ -5,11 +5,9 @@ from pathlib import Path
 
 import click
 
-from .settings import option
 from .support.command_group import command
 from .support.interrupts import signal_status
-from .support.options import robot_option
-from .support.own_arms import local_server
+from .support.options import robot_option, server_option
 from .support.process import replace_process
 from .terminal.streams import echo
 
@@ -17,7 +15,7 @@ from .terminal.streams import echo
 @command()
 @click.argument("ros_arguments", metavar="[-- ROS_ARGUMENTS]", nargs=-1, type=click.UNPROCESSED)
 @robot_option
-@option("server", default=local_server)
+@server_option
 def ros2(ros_arguments: tuple[str, ...], robot: Path | None, server: str) -> None:
     """Offer a server to ROS 2, as the node `armtree`.
 

@@ -11,11 +11,10 @@ import click
 
 from executive.code_table import exit_status
 
-from .settings import Whole, option
+from .settings import Whole
 from .support.command_group import command, diagnostics
 from .support.names import RECORDING, TASK, check_goal_id, complete_node
-from .support.options import pose_option, robot_option, set_option
-from .support.own_arms import local_server
+from .support.options import pose_option, robot_option, server_option, set_option
 from .terminal.streams import echo, echo_result
 
 if TYPE_CHECKING:
@@ -37,7 +36,7 @@ def _with_client(function: Callable[..., None]) -> Callable[..., None]:
     """Add --json and --server to a command. Call the command with a client and `as_json`."""
 
     @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
-    @option("server", default=local_server)
+    @server_option
     @functools.wraps(function)
     def command(server: str, as_json: bool, **options: Any) -> None:
         from executive.client.synchronous import Client

@@ -7,7 +7,8 @@ import sys
 import threading
 from contextlib import suppress
 
-_ALLOCATIONS = 10_000  # new objects until garbage is collected; imports make many, but no garbage
+# New objects until garbage is collected. Imports make tens of thousands of objects, but no garbage.
+_ALLOCATIONS = 100_000
 _SOON = 0.01  # time until a lost Ctrl-C is repeated [s]
 
 

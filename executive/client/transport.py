@@ -7,13 +7,13 @@ import re
 import threading
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from contextlib import asynccontextmanager, contextmanager
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Self
 from urllib.parse import quote, urlencode, urlsplit
 
 from executive.api import PORT, token_file
 from executive.api.token_file import KEEPALIVE
 from executive.errors import ServerSilent, ServerUnreachable
+from hardware.loading.dataclass import dataclass
 
 if TYPE_CHECKING:
     import httpcore

@@ -1,10 +1,10 @@
 """Values that only the clients return; the others are in `executive.api`."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
 from executive.api.events import Event, event_from_json
+from hardware.loading.dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,6 @@ import ssl
 from collections import deque
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import asynccontextmanager, suppress
-from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from typing import Any, TypeVar
@@ -35,6 +34,7 @@ from nats.protocol.parser import Parser
 
 from executive.api import NATS_PORT, strict_json, token_file
 from hardware import read_file
+from hardware.loading.dataclass import dataclass
 
 from .errors import (
     BadCredentials,

@@ -2,10 +2,10 @@
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 from urllib.parse import urlsplit
 
 from hardware import ArmtreeError
+from hardware.loading.dataclass import dataclass
 
 _NAME = re.compile(r"[A-Za-z0-9_-]{1,32}")
 

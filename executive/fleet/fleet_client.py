@@ -6,7 +6,7 @@ import uuid
 from collections import Counter
 from collections.abc import AsyncIterator, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 from nats.js.api import ConsumerInfo, RawStreamMsg
@@ -16,6 +16,7 @@ from executive.api import strict_json
 from executive.api.outcome import GoalState
 from executive.errors import GoalCanceled
 from hardware import Clock, utc_ns
+from hardware.loading.dataclass import dataclass
 
 from .connection import (
     ALIVE,

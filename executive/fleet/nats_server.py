@@ -11,12 +11,12 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from executive.api import ADDRESS, NATS_PORT, token_file
 from hardware import Clock, read_file
+from hardware.loading.dataclass import dataclass
 
 from .connection import (
     ALIVE,

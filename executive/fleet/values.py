@@ -3,12 +3,13 @@
 import json
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, fields
+from dataclasses import fields
 from functools import cache, partial
 from typing import Any, TypeVar
 
 from executive.api import strict_json
 from executive.api.outcome import Ending, GoalState, cause_of
+from hardware.loading.dataclass import dataclass
 from logs.records.field_types import has_type
 
 from .errors import BadJob

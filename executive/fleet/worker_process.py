@@ -9,9 +9,9 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 
 from hardware import Clock, RealClock
+from hardware.loading.dataclass import dataclass
 
 from .errors import BadName, FleetError, check_name, without_login
 

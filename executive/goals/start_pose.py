@@ -1,12 +1,12 @@
 """The start pose of an activation: the pose in the robot file, or a confirmed pose."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 
 import logs
 from executive.errors import PoseUnconfirmed
 from hardware import VIRTUAL, Arm, Robot
+from hardware.loading.dataclass import dataclass
 
 _SEARCHED = 50  # number of newest recordings to read
 

@@ -9,7 +9,6 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import partial
 
 from py_trees.behaviour import Behaviour
@@ -18,6 +17,7 @@ from executive.api.outcome import CancelResult, Cause, GoalState, Outcome, cause
 from executive.errors import ExecutorBlocked
 from executive.recording.recordings import Recordings
 from hardware import Arm, CancelTimeout, Clock
+from hardware.loading.dataclass import dataclass
 from logs import goal_title
 from trees.compile.node_paths import paths
 

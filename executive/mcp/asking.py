@@ -6,7 +6,6 @@ on, a call ends with the question, and the client repeats the call with the answ
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 from mcp.server import ServerRequestContext
@@ -18,6 +17,8 @@ from mcp_types import (
     InputRequests,
     InputRequiredResult,
 )
+
+from hardware.loading.dataclass import dataclass
 
 _REPEATS_SINCE = "2026-07-28"
 _KEY = "answer"

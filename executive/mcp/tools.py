@@ -1,11 +1,12 @@
 """The tools of `armtree mcp`, one row each. The method of `Calls` with the row's name answers."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from functools import partial
 
 from executive.api import schemas as s
 from executive.api.schemas import Schema
+from hardware.loading.dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

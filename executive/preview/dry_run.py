@@ -5,13 +5,14 @@ The result has the events of a run. Therefore every view of a run can show it.
 
 import uuid
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import logs
 from executive.api.events import Event
 from executive.api.outcome import GoalState, GoalStatus, Outcome, cause_of
 from executive.recording.translate import arm_record, skill_record
 from hardware import FrameSent, HardwareError
+from hardware.loading.dataclass import dataclass
 from skills import Context, Planned, Scheduled
 from skills.merged_motion import MergedMotion, verify_query
 from skills.motion import MotionError, Plan, Query, World
@@ -22,7 +23,7 @@ from trees.compile.node_paths import paths
 from .task_motions import task_motions
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class DryRun:
     """The result of a dry run.
 

@@ -1,12 +1,14 @@
 """The arguments of `armtree plan`: joints, a pose, a point for the tool, or a task."""
 
+import dataclasses
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 from executive.goals.moves.goal_words import TASK, Poses, is_point, read_value, read_words
 from hardware import Robot
+from hardware.loading.dataclass import dataclass
 from skills import (
     TOOL_PORTS,
     BadTarget,
@@ -28,7 +30,7 @@ from .task_motions import Motion, task_motions
 _PORTS = {name: declaration(port) for name, port in TOOL_PORTS.items()}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class PlanRequest:
     """The arguments of `armtree plan`. Values are written as in task files.
 
@@ -129,7 +131,7 @@ class PlanRequest:
         raise BadTarget(f"{', '.join(named)} {why}")
 
 
-@dataclass
+@dataclasses.dataclass
 class _Reader:
     """Reads words as joint positions."""
 

@@ -1,9 +1,10 @@
 """The motions of a task that are known before it runs, as planning queries."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from hardware import Robot
+from hardware.loading.dataclass import dataclass
 from skills.motion import Pool, Query, Reached, ToolQuery, World
 from trees import FileError
 from trees.analysis.predicted_motion import predict_motions
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from skills.motion.planner import Planner
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Motion:
     """One motion to plan.
 

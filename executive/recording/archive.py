@@ -10,7 +10,7 @@ import tempfile
 import threading
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from functools import cache, lru_cache
 from hashlib import sha256
 from pathlib import Path
@@ -19,6 +19,7 @@ from typing import Any
 from hardware import DescriptionError, Robot, load_robot, read_file
 from hardware.description.meshes import MAX_MESH_BYTES
 from hardware.description.urdf import UrdfError
+from hardware.loading.dataclass import dataclass
 from logs import Attachment, FileKept, Recording, RecordingError, pack
 from skills.motion import World
 

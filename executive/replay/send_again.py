@@ -2,7 +2,7 @@
 
 import json
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 from py_trees.ports import PortInformation
 
 from hardware import Frame, HardwareError, Robot, Schedule, Setpoint, load_robot
+from hardware.loading.dataclass import dataclass
 from logs import (
     Goal as RecordedGoal,
     Recording,

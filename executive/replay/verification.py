@@ -11,13 +11,14 @@ import threading
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict
 from multiprocessing import get_context, parent_process
 from pathlib import Path
 
 from executive.errors import ReplayDiffers
 from executive.recording.archive import in_recording, restore_robot
 from hardware import HardwareError
+from hardware.loading.dataclass import dataclass
 from hardware.printable import plural
 from logs import (
     Goal,

@@ -3,7 +3,6 @@
 import hmac
 import re
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 from ipaddress import ip_address
 from typing import Any
 
@@ -12,6 +11,7 @@ from starlette.types import Message, Scope, Send
 
 from executive.api.token_file import HTTP_PORT
 from executive.errors import Unauthorized, WrongHost, WrongOrigin
+from hardware.loading.dataclass import dataclass
 from hardware.printable import printable
 
 _HAS_TOKEN = "has_token"  # key in a request's state

@@ -7,7 +7,6 @@ import re
 import socket
 import threading
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Self
 from urllib.parse import urlsplit
@@ -23,6 +22,7 @@ from executive.executive import Executive
 from executive.goals.questions import Questions, ignore
 from executive.host_limits import spare_files
 from hardware import Clock, HostLimit
+from hardware.loading.dataclass import dataclass
 
 from .event_hub import EventHub
 from .http.app import App

@@ -3,10 +3,10 @@
 import threading
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
 
 from hardware.drivers.board_protocol import Measurement
 from hardware.errors import HardwareError
+from hardware.loading.dataclass import dataclass
 
 from .lifecycle import State
 

@@ -2,12 +2,12 @@
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
 
 from hardware.description.robot import Robot
 from hardware.drivers.pacing import PacingModel
 from hardware.drivers.wire_format import Frame, WireFormat
 from hardware.errors import ScheduleTooLong, TooFast
+from hardware.loading.dataclass import dataclass
 
 # Function from times [s] to joint positions [rad], one row per time.
 Sampler = Callable[[Sequence[float]], Sequence[Sequence[float]]]

@@ -8,7 +8,6 @@ limits, that no joint exceeds its velocity limit, and that the board can process
 import math
 import threading
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 
 from hardware.clock import Clock
 from hardware.description.robot import Robot
@@ -27,6 +26,7 @@ from hardware.errors import (
 )
 from hardware.joints import DISPLAY_UNITS, check_positions
 from hardware.link.link import Link
+from hardware.loading.dataclass import dataclass
 
 from .board_session import BoardSession
 from .events import OBSERVER_TIMEOUT, CommandSent, FrameSent, Observer, Outbox

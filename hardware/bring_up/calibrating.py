@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +14,7 @@ from hardware.drivers.servo_errors import CalibrationDiffers, SeamInside
 from hardware.errors import DescriptionError
 from hardware.files import read_file
 from hardware.joints import Joint
+from hardware.loading.dataclass import dataclass
 
 from .sweep import Swept
 

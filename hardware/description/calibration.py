@@ -2,10 +2,10 @@
 
 import shlex
 from collections.abc import Mapping
-from dataclasses import dataclass
 from pathlib import Path
 
 from hardware.files import user_folder, write_file
+from hardware.loading.dataclass import dataclass
 from hardware.toml_table import TomlTable
 
 ROBOTS = Path(__file__).parents[1] / "robots"  # the shipped robots

@@ -1,10 +1,10 @@
 """Forward kinematics: the transform from each link to its parent for given joint positions."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from math import cos, hypot, sin
 
 from hardware.joints import Mimic
+from hardware.loading.dataclass import dataclass
 
 from .urdf import Urdf, UrdfJoint, Vector
 

@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 
 from hardware.errors import BadPosition
 from hardware.joints import Joint
+from hardware.loading.dataclass import dataclass
 
 from .forward_kinematics import ForwardKinematics
 from .urdf import Vector

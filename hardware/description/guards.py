@@ -1,6 +1,6 @@
 """Limits of measured values: the table `guards` of a robot file."""
 
-from dataclasses import dataclass
+from hardware.loading.dataclass import dataclass
 
 HOLD, TORQUE_OFF = "hold", "torque_off"
 CLOSING, OPENING = "closing", "opening"

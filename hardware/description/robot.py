@@ -1,8 +1,9 @@
 """The robot as data: joints, groups, limits and board."""
 
+import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import cast
@@ -20,6 +21,7 @@ from hardware.drivers.wire_format import Frame, WireFormat
 from hardware.errors import NotAble, PoseOutsideLimits
 from hardware.joints import Joint, joint_words, rounded
 from hardware.link.link import VIRTUAL, Link
+from hardware.loading.dataclass import dataclass
 
 from .calibration import CalibratedJoint, calibrate_command, calibration_file
 from .forward_kinematics import ForwardKinematics, reach
@@ -88,7 +90,7 @@ class Tool:
     axis: tuple[float, float, float]
 
 
-@dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True)
 class Robot:
     """A validated robot description.
 

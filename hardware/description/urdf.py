@@ -10,7 +10,6 @@ import reprlib
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from copy import deepcopy
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Self
@@ -20,6 +19,7 @@ from xml.parsers import expat
 
 from hardware.files import read_file
 from hardware.joints import Joint, Mimic
+from hardware.loading.dataclass import dataclass
 from hardware.spelling import there_are
 
 from .urdf_attributes import SHAPES, SIZES, corrected_end, given, misspelt, others

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+
+from hardware.loading.dataclass import dataclass
 
 from .wire_format import Frame
 

@@ -2,8 +2,9 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import Enum
+
+from hardware.loading.dataclass import dataclass
 
 
 class Ability(Enum):

@@ -5,12 +5,12 @@ record every arm before its board is known.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
 from hardware.errors import NoDriver
 from hardware.joints import Joint, check_positions
+from hardware.loading.dataclass import dataclass
 from hardware.toml_table import TomlTable
 
 from .board_protocol import BoardProtocol
@@ -53,7 +53,7 @@ class NullWireFormat:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class NullDriver:
     """A driver that moves nothing real.
 

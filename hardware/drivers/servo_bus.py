@@ -1,12 +1,13 @@
 """The interface for requests to single servos, for `armtree doctor` and `calibrate`."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Protocol
 
 from hardware.clock import Clock
 from hardware.joints import Joint
 from hardware.link.link import Link
+from hardware.loading.dataclass import dataclass
 
 from .firmware_profile import Firmware
 

@@ -19,10 +19,10 @@ CalibrationMissing is a HardwareError: the arm must be calibrated before it move
 
 import math
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from hardware.errors import ACTIVATE_AGAIN, BoardError, BoardSilent, HardwareError
+from hardware.loading.dataclass import dataclass
 from hardware.printable import plural
 
 _DOCTOR = "`armtree doctor --open` shows what is on the bus"

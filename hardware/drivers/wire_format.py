@@ -1,9 +1,9 @@
 """The wire format of a driver: joint positions to frames and back."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
+from hardware.loading.dataclass import dataclass
 from hardware.printable import wire_text
 
 

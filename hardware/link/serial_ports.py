@@ -4,10 +4,10 @@ import grp
 import os
 import re
 import stat
-from dataclasses import dataclass
 from pathlib import Path
 
 from hardware.errors import LinkError, PortBusy, PortDenied, PortMissing
+from hardware.loading.dataclass import dataclass
 
 _BY_ID = Path("/dev/serial/by-id")
 _LOCKS = Path("/proc/locks")

@@ -3,12 +3,12 @@
 import os
 from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from struct import Struct
 from typing import TYPE_CHECKING, Any, BinaryIO, Literal, TypeVar
 
+from hardware.loading.dataclass import dataclass
 from logs.errors import RecordingError, RecordingInUse
 from logs.records.file_format import INVALID, MAGIC, MAX_RECORD
 

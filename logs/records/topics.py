@@ -1,8 +1,9 @@
 """The table of topics. It defines the topics and message types of each record type."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
+
+from hardware.loading.dataclass import dataclass
 
 from . import conversions as as_
 from .cdr import Message
@@ -29,7 +30,7 @@ _JSON = _TEXT = "std_msgs/msg/String"
 Convert = Callable[[Any, as_.Stamp], Message | None]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Topic:
     """A topic in a recording: one row of the table `TOPICS`.
 

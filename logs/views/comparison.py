@@ -1,10 +1,10 @@
 """Compares two runs: their frames and joints."""
 
 from bisect import bisect_right
-from dataclasses import dataclass
 from itertools import zip_longest
 from pathlib import Path
 
+from hardware.loading.dataclass import dataclass
 from logs.reading.recording import Recording
 
 

@@ -1,12 +1,14 @@
 """Draws a motion of the arm, and the bodies around the arm, from the front and from above."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import chain
 
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.patches import Patch
+
+from hardware.loading.dataclass import dataclass
 
 _START, _ARM, _BODY = "#777777", "#0072B2", "#D55E00"
 _SIDES = ((0, 2), (0, 1))
@@ -16,7 +18,7 @@ Point = tuple[float, float]
 Shape = Sequence[Sequence[float]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class MotionDrawing:
     """Outlines of the arm and of all bodies during a motion, in the root frame.
 

@@ -2,10 +2,10 @@
 
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from hardware.loading.dataclass import dataclass
 from hardware.printable import plural, wire_text
 from logs.errors import RecordingError, RecordingInUse
 from logs.reading.file_state import being_written

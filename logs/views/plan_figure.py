@@ -1,12 +1,13 @@
 """Draws a plan: path, positions, speeds, accelerations, and the motion from two sides."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import cycle
 from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+
+from hardware.loading.dataclass import dataclass
 
 from .figure_file import save
 from .motion_figure import MotionDrawing, draw_motion
@@ -15,7 +16,7 @@ _LINES = ("#0072B2", "#E69F00", "#CC79A7", "#000000", "#009E73", "#D55E00", "#56
 _LIMIT = "#999999"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class PlanDrawing:
     """The values of a plan for its figure. The shapes have N samples, W waypoints and J joints.
 

@@ -1,7 +1,7 @@
 """Draws a run: joints, frames, tree and lifecycle over time, and the motions in space."""
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import cycle, pairwise
 from math import degrees
 from pathlib import Path
@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from hardware.loading.dataclass import dataclass
 from logs.records.records import goal_title
 
 from .figure_file import save, widen
@@ -44,7 +45,7 @@ _MARK_LEVELS = 3  # rows of words above the curves
 _SCENE, _SCENE_TITLE, _MOST_SCENES = 3.0, 0.35, 12
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class MotionScene:
     """A drawing of the motions in one world.
 

@@ -1,11 +1,13 @@
 """Reads a run from its recording, as a timeline: the values that the figure of a run shows."""
 
+import dataclasses
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import dropwhile
 from pathlib import Path
 
+from hardware.loading.dataclass import dataclass
 from logs.errors import RecordingEmpty, RecordingError
 from logs.reading.recording import Recording
 from logs.records.records import (
@@ -31,7 +33,7 @@ _Change = tuple[float, str]  # time at which a state starts [s], and name of the
 _Curves = dict[str, list[tuple[float, float]]]  # times [s] and positions [rad], by joint
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Span:
     """A period in one state, from time `start` to time `end` [s]. Time 0 is the goal's start."""
 
@@ -40,7 +42,7 @@ class Span:
     end: float
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Row:
     """A row of the figure: the states of one node of the tree.
 
@@ -57,7 +59,7 @@ class Row:
     message: str = ""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Trace:
     """The positions of one joint during a run. Time 0 is the start of the goal.
 
@@ -89,7 +91,7 @@ class Trace:
         return [q - self.positions[max(command, 0)] for command, q in pairs]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Timeline:
     """The values that the figure of a run shows.
 
@@ -154,7 +156,7 @@ def timeline_of(records: Iterable[RunRecord], complete: bool = True) -> Timeline
     return events.timeline(complete)
 
 
-@dataclass
+@dataclasses.dataclass
 class _Events:
     """Collects the records of a run for its timeline. Times are on the records' clock [s]."""
 

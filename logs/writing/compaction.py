@@ -7,11 +7,11 @@ import os
 import shutil
 from collections.abc import Iterable
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hardware.loading.dataclass import dataclass
 from logs.errors import RecordingError
 from logs.reading.tolerant_reader import TolerantReader
 from logs.records.file_format import DIGESTS, RECOVERED, UNFINISHED

@@ -5,9 +5,9 @@ import os
 import stat
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
+from hardware.loading.dataclass import dataclass
 from logs.errors import LogError, RecordingError, RecordingKept
 from logs.reading.file_state import is_complete, is_ours, locked
 from logs.reading.tolerant_reader import TolerantReader

@@ -14,13 +14,14 @@ direction. This shows whether the point or the direction is out of reach.
 import math
 import sys
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
 
 from hardware import Robot, Tool
+from hardware.loading.dataclass import dataclass
 from skills.motion.arrays import Array, joint_positions, norms
 from skills.motion.deadline import Deadline
 from skills.motion.errors import (
@@ -113,7 +114,7 @@ def solve_ik(
     raise GoalInCollision(*contact, margin)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class _Result:
     """Result of one descent.
 

@@ -1,8 +1,10 @@
 """Requests to the planner and their answers."""
 
+import dataclasses
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
+
+from hardware.loading.dataclass import dataclass
 
 from .errors import BadQuery, MotionError, shown
 from .trajectory.plan import Plan
@@ -59,7 +61,7 @@ def _numbers(what: str, values: "ArrayLike", unit: str) -> "Array":
         raise BadQuery(f"The {what} {shown(values)} are not all numbers; give {unit}") from error
 
 
-@dataclass(frozen=True, eq=False)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Verify:
     """Request to check a motion as the board will execute it. The answer is None if it is free.
 

@@ -5,9 +5,10 @@ import math
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import MISSING, dataclass, field, fields
+from dataclasses import MISSING, field, fields
 from typing import Any
 
+from hardware.loading.dataclass import dataclass
 from hardware.spelling import did_you_mean, suggestion
 
 from .errors import BadWorld, shown

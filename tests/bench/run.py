@@ -6,6 +6,7 @@ boot wait. `help_s`: how long `armtree --help` takes; the other rows are named l
 """
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -22,6 +23,8 @@ from hardware import load_robot
 from tests.bench.table import Row, arguments, show
 
 ARMTREE = [sys.executable, "-P", "-m", "armtree"]
+# As on a user's machine, armtree is compiled once. Some images of containers forbid this.
+os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
 def cold_start() -> float:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from py_trees.behaviour import Behaviour
 
 import logs
 from executive.api import Policy
@@ -304,11 +305,11 @@ def test_preempt(server: RigMaker, number: int) -> None:
 def test_a_preempted_goal_is_kept_without_its_tree(
     server: RigMaker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    trees = list[weakref.ref[Tree]]()
+    roots = list[weakref.ref[Behaviour]]()
 
     def noted(*arguments: Any, **options: Any) -> Tree:
         tree = build(*arguments, **options)
-        trees.append(weakref.ref(tree))
+        roots.append(weakref.ref(tree.root))
         return tree
 
     monkeypatch.setattr(executor, "build", noted)
@@ -320,7 +321,7 @@ def test_a_preempted_goal_is_kept_without_its_tree(
     arm.executive.close()
     gc.collect()
     assert arm.executive.result(first).code == "goal.preempted"  # it is still kept
-    assert [tree() for tree in trees if tree()] == []
+    assert [root() for root in roots if root()] == []
 
 
 def test_preempt_while_planning(server: RigMaker) -> None:

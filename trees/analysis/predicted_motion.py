@@ -1,13 +1,15 @@
 """Predicted motion: the motions of a task and the world during each, from the text of the task."""
 
+import dataclasses
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from typing import Any
 
 from py_trees.behaviour import Behaviour
 
 from hardware import Joint, Robot
+from hardware.loading.dataclass import dataclass
 from hardware.spelling import closest
 from skills import Positions, Skill, WorldChange
 from skills.motion import (
@@ -37,7 +39,7 @@ _UNNAMED = "bodies named at run time"
 _UNKNOWN = "its start or target is known only during a run"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Motion:
     """A motion to a target that is known before the run.
 
@@ -96,7 +98,7 @@ class Motion:
         return least
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class PredictedMotions:
     """The motions of a task.
 
@@ -149,7 +151,7 @@ def predict_motions(
     return walk.found
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class _State:
     """The known state at one moment of a task.
 
@@ -189,7 +191,7 @@ class _State:
         return replace(now, world=World(tuple(rest)), unsure=unsure)
 
 
-@dataclass
+@dataclasses.dataclass
 class _Walk:
     _tree: CompiledTree
     _robot: Robot

@@ -1,15 +1,15 @@
 """A skill in a tree during compilation, with the known part of its inputs."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any
 
+from hardware.loading.dataclass import dataclass
 from skills import Positions, Skill
 from trees.errors import Place
 from trees.reading.document import Located, StandIn
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Leaf:
     """A skill, and the values and keys at its ports.
 

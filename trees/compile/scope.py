@@ -1,8 +1,9 @@
 """The meaning of `$name`: a parameter, a port of the subtree, or a key of the blackboard."""
 
 from collections.abc import Collection, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from hardware.loading.dataclass import dataclass
 from hardware.spelling import closest, suggestion
 from trees.errors import Correction, Mistakes, Place
 from trees.reading.document import REFUSED, Located, StandIn, calculates, reference
@@ -11,7 +12,7 @@ from trees.reading.lines import declared_above
 from trees.reading.specs import Key, Value
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Scope:
     """The names in one file.
 

@@ -3,7 +3,6 @@
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
 from functools import partial
 from math import inf, isfinite
 from numbers import Real
@@ -13,6 +12,7 @@ from py_trees.behaviour import Behaviour
 from py_trees.behaviours import Dummy
 
 from hardware import Robot
+from hardware.loading.dataclass import dataclass
 from hardware.spelling import did_you_mean, suggested
 from skills import (
     BadTarget,
@@ -46,7 +46,7 @@ _Answer = TypeVar("_Answer")
 _SHOWN = 5  # largest number of poses in a message
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class RefusedInput:
     """An input that a skill refuses, or an exception that its code raises.
 
@@ -213,7 +213,7 @@ class SkillHooks:
         self._refused.setdefault((refusal.place, str(refusal.error)), refusal)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class _Wanted:
     """The values that a hook may return.
 

@@ -1,17 +1,18 @@
 """The outline of a tree: the source of drawings and of files for other programs."""
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
 from py_trees.behaviour import Behaviour
 
+from hardware.loading.dataclass import dataclass
 from skills import Skill
 from trees.compile.compiler import CompiledTree
 from trees.compile.leaf import Leaf
 from trees.nodes.kind import Control
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Entry:
     """One node of an outline.
 

@@ -6,12 +6,12 @@ Reading, compilation, analysis and export use only this interface.
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from enum import Enum, auto
 from typing import Any, ClassVar, Protocol
 
 from py_trees.behaviour import Behaviour
 
+from hardware.loading.dataclass import dataclass
 from skills import Context
 from trees.declarations import Declaration
 from trees.errors import Place

@@ -5,9 +5,10 @@ A control node with its child at the same level, such as `repeat: 3` and `subtre
 
 import re
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from hardware.loading.dataclass import dataclass
 from hardware.spelling import did_you_mean
 from trees.errors import Correction, Place
 

@@ -6,11 +6,12 @@ The compiler checks the names of skills and ports, not this module.
 import re
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, TypeVar
 
+from hardware.loading.dataclass import dataclass
 from hardware.spelling import closest, corrections, did_you_mean
 from trees.declarations import LIST, TYPES, UNITS, Declaration
 from trees.errors import Correction, FileError, Mistake, Mistakes

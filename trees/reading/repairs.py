@@ -6,11 +6,11 @@ correction.
 """
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
 from functools import wraps
 from pathlib import Path
 from typing import TypeVar
 
+from hardware.loading.dataclass import dataclass
 from trees.errors import Correction, FileError, Mistake, Place
 
 from .document import NotYaml, split_lines
@@ -28,7 +28,7 @@ Drafted = TypeVar("Drafted")
 Draft = Callable[[Path, str], tuple[Drafted, list[Mistake]]]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class _Version:
     """A text after some edits.
 

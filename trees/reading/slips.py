@@ -5,9 +5,9 @@ Each edit is one way to correct a line. `repairs` finds the edits that leave the
 
 import re
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass
 from itertools import compress, product
 
+from hardware.loading.dataclass import dataclass
 from hardware.printable import plural
 from hardware.spelling import closest
 
@@ -16,7 +16,7 @@ from .node_words import begins_node
 Spot = tuple[int, int]  # index of a line, and index of a character in this line
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Edit:
     """A change of the text.
 

@@ -1,8 +1,9 @@
 """Nodes of a tree as a file gives them, before compilation."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 
+from hardware.loading.dataclass import dataclass
 from trees.errors import Place
 
 from .document import Located

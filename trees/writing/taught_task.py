@@ -1,11 +1,11 @@
 """A task that is taught step by step. Its file always has all steps."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
 
 from hardware import Robot, write_file
+from hardware.loading.dataclass import dataclass
 from hardware.printable import plural
 from skills import wait_node
 from trees.declarations import Declaration

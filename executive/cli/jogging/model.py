@@ -1,7 +1,7 @@
 """A jog as a state machine: keys become small moves. It is independent of terminal and arm."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from textwrap import wrap
 from typing import Self
 
@@ -9,6 +9,7 @@ from executive.api.events import Where
 from executive.api.move import HOME, Move
 from executive.cli.terminal.keyboard import DELETE, DOWN, ENTER, ESCAPE, LEFT, RIGHT, UP, key_name
 from hardware import DISPLAY_UNITS
+from hardware.loading.dataclass import dataclass
 from hardware.printable import plural
 
 STEPS = (0.1, 0.5, 1.0, 2.0, 5.0, 10.0)  # sizes of a step [deg] or [mm]

@@ -3,7 +3,7 @@
 import threading
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from queue import SimpleQueue
 
 import click
@@ -15,6 +15,7 @@ from executive.api.outcome import Cause, Outcome, cause_of
 from executive.cli.terminal.key_screen import KeyScreen
 from executive.errors import ClientError, GoalCanceled, Refused, ServerLost, ServerUnreachable
 from hardware import HardwareError, NotActive
+from hardware.loading.dataclass import dataclass
 from skills.motion.errors import NEARER, MotionError
 from trees import TreeError
 

@@ -5,7 +5,6 @@ Also finds misspelt environment variables.
 
 import os
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +12,7 @@ import click
 
 from executive.cli.terminal.streams import echo
 from hardware.files import user_folder
+from hardware.loading.dataclass import dataclass
 from hardware.spelling import closest, did_you_mean
 
 from .rows import SETTINGS, environment_name

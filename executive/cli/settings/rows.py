@@ -1,6 +1,5 @@
 """The settings: one row for each option, environment variable and key of `armtree.toml`."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -8,6 +7,7 @@ import click
 
 from executive.api import PORT, Policy
 from executive.setup import Setup, find_own_trees
+from hardware.loading.dataclass import dataclass
 
 from .value_types import ABOVE_0, AT_LEAST_0, PATH, Finite, FleetUrl, Url, Whole
 

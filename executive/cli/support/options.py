@@ -53,7 +53,19 @@ def drawing_option(meaning: str = "", **settings: Any) -> Callable[[F], F]:
     return click.option("-o", "--output", metavar="FILE", type=Drawing(), help=text, **settings)
 
 
+def _local_server() -> str:
+    """Return the URL of the running server of this user, else of a server at the set TCP port.
+
+    Raises:
+        Refusal: Several servers run, and none is at that port.
+    """
+    from .own_arms import running_server, server_at_port  # slow to import
+
+    return running_server() or server_at_port()
+
+
 robot_option = option("robot", shell_complete=complete_robot)
+server_option = option("server", default=_local_server)
 port_option = option("port", shell_complete=complete_port)
 pose_option = click.option(
     "--pose",

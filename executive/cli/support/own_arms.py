@@ -11,7 +11,6 @@ import signal
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TextIO
 from urllib.parse import urlsplit
@@ -20,6 +19,7 @@ import click
 
 from executive.api import token_file
 from executive.cli.settings import find_setting
+from hardware.loading.dataclass import dataclass
 
 from .failures import Refusal
 from .interrupts import STOP
@@ -143,12 +143,3 @@ def server_at_port() -> str:
     """Return the URL of a server on this machine at the port of the settings."""
     port, _ = find_setting(click.get_current_context(), "tcp_port")
     return f"http://localhost:{port}"
-
-
-def local_server() -> str:
-    """Return the URL of the running server of this user, else of a server at the set TCP port.
-
-    Raises:
-        Refusal: Several servers run, and none is at that port.
-    """
-    return running_server() or server_at_port()

@@ -14,6 +14,7 @@ from typing import Any
 NICE = -10  # niceness that the process requests
 # Longest time that a busy thread runs before the streamer or a stop gets the interpreter [s].
 _SWITCH = 0.0005
+_ALLOCATIONS = 10_000  # new objects until garbage is collected: 2 ms each time
 # File with the niceness of the session, if Linux schedules by sessions.
 _GROUP = Path("/proc/self/autogroup")
 
@@ -73,6 +74,7 @@ def make_punctual() -> None:
     chose remains. Call this function before threads start, because they inherit the priority.
     """
     gc.freeze()
+    gc.set_threshold(_ALLOCATIONS)
     sys.setswitchinterval(_SWITCH)
     if os.getpriority(os.PRIO_PROCESS, 0) == 0:
         with suppress(OSError):

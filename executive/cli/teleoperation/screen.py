@@ -4,7 +4,7 @@ import math
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from enum import Enum
 from textwrap import wrap
 
@@ -17,6 +17,7 @@ from executive.cli.jogging.screen import cause_words, outcome_words
 from executive.cli.terminal.key_screen import KeyScreen
 from executive.errors import GoalCanceled
 from hardware import DISPLAY_UNITS, HardwareError, Joint, State
+from hardware.loading.dataclass import dataclass
 from skills import Blocked
 
 from .servo_leader import HandGuidedArm

@@ -2,7 +2,6 @@
 
 import threading
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
 from queue import Empty, SimpleQueue
 from typing import Self
 
@@ -10,6 +9,7 @@ import logs
 from executive.api.events import QuestionStatus, Where
 from executive.api.outcome import Outcome
 from hardware import RealClock
+from hardware.loading.dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,13 +2,13 @@
 
 import re
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any
 
 from hardware import BadPosition, Robot
 from hardware.description.gripper import WIDTH
 from hardware.description.robot import TURNS
+from hardware.loading.dataclass import dataclass
 from hardware.printable import plural
 from hardware.spelling import did_you_mean, there_are
 from skills import (

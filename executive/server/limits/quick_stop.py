@@ -6,7 +6,6 @@ A flood of stops therefore delays the next request little.
 import asyncio
 import logging
 import re
-from dataclasses import dataclass
 from typing import Self
 
 from starlette.datastructures import Headers
@@ -17,6 +16,7 @@ from executive.api.outcome import CancelResult
 from executive.errors import Forbidden
 from executive.server.errors import failure
 from executive.server.security import SECURITY_HEADERS, AccessRules, client_of
+from hardware.loading.dataclass import dataclass
 
 logger = logging.getLogger(__name__)
 

@@ -1,7 +1,6 @@
 """The state of a node, computed from its recorded changes."""
 
-from dataclasses import dataclass
-
+from hardware.loading.dataclass import dataclass
 from logs import shown_status
 
 RUNNING, INVALID = "RUNNING", "INVALID"

@@ -12,7 +12,6 @@ import weakref
 from collections import OrderedDict
 from collections.abc import Callable, Hashable, Iterator, Sequence, Set
 from contextlib import contextmanager, suppress
-from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Generic, TypeVar
@@ -23,6 +22,7 @@ from executive.recording.archive import restore_robot
 from executive.recording.recordings import is_server_recording
 from executive.server.page.robot_shapes import RobotScene
 from hardware import Clock, utc_ns
+from hardware.loading.dataclass import dataclass
 from logs.reading.file_state import being_written
 from logs.reading.find import by_name
 from logs.reading.indexed import IndexedRecording

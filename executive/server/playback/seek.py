@@ -8,7 +8,6 @@ from bisect import bisect_left, bisect_right
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
-from dataclasses import dataclass
 from itertools import chain, dropwhile, groupby, takewhile
 from math import isfinite
 from pathlib import Path
@@ -18,6 +17,7 @@ import logs
 from executive.api.events import EVENTS, STATUS, QuestionStatus, event_to_json
 from executive.api.outcome import GoalState, GoalStatus, Outcome, cause_of
 from executive.errors import ServerRestarted
+from hardware.loading.dataclass import dataclass
 from logs.reading.indexed import Chunk, Entry, IndexedRecording, OpenChunk
 from logs.reading.mcap_records import Decoder
 

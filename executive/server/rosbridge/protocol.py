@@ -9,11 +9,11 @@ import binascii
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
-from dataclasses import dataclass
 from typing import Any
 
 from executive.api import strict_json
 from executive.api.joint_state import JointState
+from hardware.loading.dataclass import dataclass
 
 ACTION = "/task_server"
 ACTION_TYPE = "arduinobot_msgs/action/ArduinobotTask"

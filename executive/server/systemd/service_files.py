@@ -3,8 +3,9 @@
 import pwd
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass
 from pathlib import Path
+
+from hardware.loading.dataclass import dataclass
 
 USER = "armtree"
 UNIT = Path("/etc/systemd/system/armtree.service")
@@ -14,7 +15,7 @@ DEVICE = "/dev/armtree"  # name of the port by the udev rule
 _HIDDEN = ("/home/", "/root/", "/run/user/", "/tmp/", "/var/tmp/")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class NewFile:
     """A file that is written.
 
@@ -30,7 +31,7 @@ class NewFile:
         return f"# {self.path}\n{self.text}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Program:
     """A program that is run.
 

@@ -1,9 +1,10 @@
 """The profiles of the firmwares for an Arduino: the published sketch and armtree's own."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 from hardware.drivers.firmware_profile import Firmware, Words
+from hardware.loading.dataclass import dataclass
 
 # File that avrdude writes to a board, for `firmware = "armtree"`.
 HEX_FILE = Path(__file__).parent / "firmware" / "armtree.hex"

@@ -6,10 +6,10 @@ truncated, so another order of the same formula can give other bytes.
 
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from hardware.drivers.wire_format import Frame
 from hardware.joints import Joint, check_positions
+from hardware.loading.dataclass import dataclass
 
 ANGLE_MAX = 180  # largest angle of a servo [deg]
 

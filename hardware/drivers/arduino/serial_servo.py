@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from hardware.drivers.firmware_profile import Firmware
@@ -10,6 +9,7 @@ from hardware.drivers.pacing import unread_bytes
 from hardware.joints import Joint
 from hardware.link.link import Link
 from hardware.link.serial_link import SerialLink
+from hardware.loading.dataclass import dataclass
 from hardware.toml_table import TomlTable
 
 from .acknowledgements import Acknowledgements
@@ -18,7 +18,7 @@ from .frames import ANGLE_MAX, Codec, WireField, servo_angle
 from .virtual.board import Board
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class SerialServo:
     """The driver. The published sketch and the firmware of armtree use the same wire format."""
 

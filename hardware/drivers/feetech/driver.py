@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from hardware.clock import Clock
@@ -10,6 +9,7 @@ from hardware.drivers.firmware_profile import Ability, Firmware, Words
 from hardware.joints import Joint
 from hardware.link.link import Link
 from hardware.link.serial_link import SerialLink
+from hardware.loading.dataclass import dataclass
 from hardware.toml_table import TomlTable
 
 from .packets import LAST_ID
@@ -54,7 +54,7 @@ FIRMWARES = {
 }
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Feetech:
     """The driver of a bus with one servo for each joint.
 

@@ -6,8 +6,9 @@ bytes from the id on. Source: Feetech, "SMS/STS communication protocol user manu
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from enum import IntEnum
+
+from hardware.loading.dataclass import dataclass
 
 HEADER = b"\xff\xff"
 BROADCAST = 0xFE  # id of all servos; none of them answers

@@ -7,7 +7,7 @@ LeRobot's `motors/feetech` asks the servos of the SCS series one by one, because
 SYNC READ. Nothing here was checked with a real servo.
 """
 
-from dataclasses import dataclass
+from hardware.loading.dataclass import dataclass
 
 MEMORY = 87  # size of a servo's memory [bytes]
 

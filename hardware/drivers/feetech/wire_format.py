@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 from hardware.drivers.board_protocol import Measurement
 from hardware.drivers.wire_format import Frame
 from hardware.joints import Joint, check_positions
+from hardware.loading.dataclass import dataclass
 
 from .packets import sync_write
 from .registers import CURRENT_UNIT, Series

@@ -5,7 +5,7 @@ configuration, in no configuration, or in the start configuration of the arm.
 """
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import coal
@@ -14,6 +14,7 @@ import numpy as np
 from hardware import Joint, Robot
 from hardware.description.meshes import MAX_SIZE, mesh_in_mm
 from hardware.description.neighbours import adjacent_links
+from hardware.loading.dataclass import dataclass
 from skills.motion.arrays import Array
 from skills.motion.errors import ModelUnusable
 from skills.motion.robot_model.geometry import corners

@@ -1,10 +1,10 @@
 """Finds the limits that set the duration of a motion."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 
+from hardware.loading.dataclass import dataclass
 from skills.motion.arrays import Array, Mask
 from skills.motion.trajectory.plan import Plan
 

@@ -36,7 +36,14 @@ LIBRARIES = {
 }
 # Folders of this project that a command leaves alone. What a run needs, it needs.
 UNUSED = {
-    "--help": {"executive.client", "hardware.description", "logs", "skills", "trees"},
+    "--help": {
+        "executive.api.token_file",
+        "executive.client",
+        "hardware.description",
+        "logs",
+        "skills",
+        "trees",
+    },
     "stop": {"executive.goals", "hardware.description", "logs.reading", "skills", "trees.reading"},
     "status": {"executive.goals", "hardware.description", "logs.reading", "skills"},
     "tasks": {"executive.client", "executive.executive", "skills", "trees.compile"},

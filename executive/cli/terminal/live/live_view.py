@@ -2,7 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TextIO, cast
 
 from rich.console import Console, ConsoleOptions, RenderResult
@@ -15,6 +15,7 @@ from executive.cli.terminal.full_screen import FullScreen
 from executive.cli.terminal.streams import LastingStream, fold
 from executive.cli.terminal.view import Item, Prompt, View
 from hardware import RealClock
+from hardware.loading.dataclass import dataclass
 from hardware.printable import printable
 
 from .joint_rows import joint_rows

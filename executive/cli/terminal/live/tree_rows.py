@@ -1,11 +1,13 @@
 """The tree of a run as rows of text, folded to a given number of rows."""
 
+import dataclasses
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import field
 from itertools import islice
 
 import logs
+from hardware.loading.dataclass import dataclass
 
 _AT_WORK = ("RUNNING", logs.HALTED)
 _ALL = 1 << 30
@@ -41,7 +43,7 @@ class Row:
     at_work: bool = False
 
 
-@dataclass(slots=True, eq=False)
+@dataclasses.dataclass(slots=True, eq=False)
 class _Branch:
     node: logs.NodeStatus
     children: list["_Branch"] = field(default_factory=list)

@@ -7,12 +7,12 @@ This file models the serial line and the boot. The program of the board is in `s
 
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 from hardware.drivers.arduino.firmware_profile import ArduinoFirmware
 from hardware.drivers.firmware_profile import Firmware
 from hardware.link.link import BITS_PER_BYTE
+from hardware.loading.dataclass import dataclass
 
 from .armtree_firmware import ArmtreeFirmware
 from .stock_firmware import StockSketch

@@ -7,9 +7,9 @@ reads nothing meanwhile.
 import re
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 from hardware.drivers.arduino.firmware_profile import ArduinoFirmware
+from hardware.loading.dataclass import dataclass
 
 
 @dataclass(frozen=True, slots=True)

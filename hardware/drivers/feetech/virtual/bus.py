@@ -5,12 +5,12 @@
 
 from collections import deque
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import reduce
 from operator import and_
 
 from hardware.drivers.feetech.packets import BROADCAST, Instruction, Packet, take_packets
 from hardware.link.link import BITS_PER_BYTE
+from hardware.loading.dataclass import dataclass
 
 from .servo import Servo
 

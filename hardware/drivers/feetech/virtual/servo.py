@@ -3,10 +3,10 @@
 import math
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from hardware.drivers.feetech.registers import CURRENT_UNIT, MEMORY, Series
 from hardware.drivers.servo_bus import POSITION_MODE
+from hardware.loading.dataclass import dataclass
 
 _STEP = 0.001  # step of the integration [s]
 _WINDOW = 20  # number of steps over which the servo measures its speed
