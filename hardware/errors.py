@@ -239,11 +239,11 @@ class PortStalled(LinkError):
     code = "hw.port_stalled"
     hint = f"check the power of the board, then {ACTIVATE_AGAIN}"
 
-    def __init__(self, port: str, why: str) -> None:
+    def __init__(self, port: str, why: str, busy: str = "") -> None:
         super().__init__(
             port,
             f"{why}: the port {port} accepts no more bytes. Check the cable and the power of the "
-            "board",
+            f"board{busy}",
         )
 
 

@@ -1,11 +1,10 @@
 """A link to the board that sends no frame before the previous one is recorded."""
 
 import logging
-import os
-from pathlib import Path
 
 from executive.errors import RecordingBehind
 from hardware import Clock, Link
+from hardware.link.host_load import load_words, or_overloaded
 
 from .recordings import Recordings
 
@@ -108,18 +107,7 @@ class RecordedLink:
 
     def _likely_cause(self, waited: float) -> str:
         writing = self._recordings.write_time()
-        ready, cores = _ready_threads(), len(os.sched_getaffinity(0))
-        disk = f"writes to the disk took {writing:.2f} s; record to a faster disk"
-        busy = (
-            f"the computer is busy, with {ready} threads ready to run on {cores} processors; "
-            "end other programs"
-        )
         if writing <= waited / 2:
-            return busy
+            return load_words()
         # A write also takes long if its thread gets no processor.
-        return disk if ready <= cores else f"{disk}. Or {busy}"
-
-
-def _ready_threads() -> int:
-    """Return how many threads of this computer run or could run now (`man 5 proc_loadavg`)."""
-    return int(Path("/proc/loadavg").read_text().split()[3].partition("/")[0])
+        return f"writes to the disk took {writing:.2f} s; record to a faster disk{or_overloaded()}"

@@ -22,6 +22,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from hardware.errors import ACTIVATE_AGAIN, BoardError, BoardSilent, HardwareError
+from hardware.link.host_load import or_overloaded
 from hardware.loading.dataclass import dataclass
 from hardware.printable import plural
 
@@ -115,7 +116,8 @@ class ServoSilent(BoardError):
             what = "No servo answered"
             check = "Check the power supply, the adapter and the cable to the first servo"
         way = _DOCTOR if clues else f"{check}, then run again"
-        super().__init__(f"{what} {plural(cycles, 'request')} in a row{clues}. {way}")
+        asked = plural(cycles, "request")
+        super().__init__(f"{what} {asked} in a row{clues}. {way}{or_overloaded()}")
 
 
 @dataclass(frozen=True, slots=True)
