@@ -1,10 +1,12 @@
 """Standard streams: handles closed streams and ended readers, and prints texts safely."""
 
+import errno
 import json
 import logging
 import os
 import re
 import sys
+from contextlib import suppress
 from typing import Any, TextIO
 
 import click
@@ -128,6 +130,8 @@ class LogPrinter(logging.StreamHandler[TextIO]):
 class LastingStream:
     """A stream that discards its text after its reader has ended or its terminal is closed.
 
+    It also discards its text after the disk is full, and reports this on standard error.
+
     Args:
         stream: The stream.
     """
@@ -139,15 +143,21 @@ class LastingStream:
         """Write a text."""
         try:
             self._stream.write(text)
-        except OSError:
-            discard(self._stream)
+        except OSError as error:
+            self._discard(error)
 
     def flush(self) -> None:
         """Write the buffered text."""
         try:
             self._stream.flush()
-        except OSError:
-            discard(self._stream)
+        except OSError as error:
+            self._discard(error)
+
+    def _discard(self, error: OSError) -> None:
+        discard(self._stream)
+        if error.errno == errno.ENOSPC:
+            with suppress(OSError):  # standard error may be on that disk, too
+                echo("warning: the disk is full; the rest of the output is lost", err=True)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)

@@ -70,6 +70,16 @@ def test_closed_streams_change_nothing(arguments: str, redirections: str, tmp_pa
     assert (done.returncode, done.stderr) == (0, b"")
 
 
+@pytest.mark.parametrize("how", [">/dev/full", "--json 2>&1 >/dev/full", ">/dev/full 2>&1"])
+def test_a_run_goes_on_without_its_output_if_the_disk_is_full(tmp_path: Path, how: str) -> None:
+    shell = f'"$@" run 0 --port virtual {how}'
+    command = ["sh", "-c", shell, "sh", *ARMTREE]
+    done = subprocess.run(command, check=False, cwd=tmp_path, capture_output=True, timeout=60)
+    warning = b"warning: the disk is full; the rest of the output is lost\n"
+    said = b"" if how.endswith("2>&1") else warning
+    assert (done.returncode, done.stdout + done.stderr) == (0, said)
+
+
 def test_no_file_gets_the_number_of_a_closed_stream(tmp_path: Path) -> None:
     """What a library prints must not reach the port of the arm."""
     code = (
