@@ -1,8 +1,9 @@
 """Frozen dataclasses with slots that are made in a quarter of the time.
 
 `dataclasses.dataclass` compiles six methods for each class. `armtree run` makes 120 such classes
-before the arm starts; they took 0.1 of 0.5 s. Here a class compiles `__init__` only.
-Type checkers see the decorator of the standard library.
+before the arm starts; they took 0.1 of 0.5 s. Here a class compiles `__init__` only. Instances take
+three times as long to make, so classes with thousands of instances use the standard library, such
+as records. Type checkers see the decorator of the standard library.
 """
 
 import dataclasses

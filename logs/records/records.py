@@ -5,10 +5,9 @@ in `Measured` and `LeaderState`. The table in `topics.py` defines the messages o
 """
 
 from collections.abc import Mapping
-from dataclasses import field
+from dataclasses import dataclass, field
 from typing import Any
 
-from hardware.loading.dataclass import dataclass
 from hardware.printable import wire_text
 
 # Names of measured quantities.

@@ -10,6 +10,7 @@ import json
 import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any, NoReturn
@@ -28,7 +29,6 @@ from ruamel.yaml.events import (
 )
 
 from hardware import read_file
-from hardware.loading.dataclass import dataclass
 from trees.errors import Correction, FileError, Mistake, Place
 
 MAX_BYTES = 256 * 1024
