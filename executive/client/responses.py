@@ -56,6 +56,9 @@ class ResponseBody:
             raise Refused(Cause.from_json(value))
         if self._status != OPERATIONS[name].status or not _fits_schema(name, value):
             raise WrongAnswer(self._url, f"it answers {self._status} with wrong fields")
+        if name == "plan":  # its schema does not have the fields of events
+            for event in value["events"]:
+                _event(self._url, event)
         return value
 
 
@@ -85,16 +88,25 @@ class EventReader:
             raise WrongAnswer(self._url, f"an event has more than {MAX_BYTES >> 20} MiB")
         for line in lines:
             if line.startswith(b"data: "):
-                yield self._event(line.removeprefix(b"data: "))
+                yield self._parsed(line.removeprefix(b"data: "))
 
-    def _event(self, text: bytes) -> Event:
+    def _parsed(self, text: bytes) -> Event:
         try:
-            event = event_from_json(strict_json.parse(text))
-        except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
-            raise WrongAnswer(self._url, "it sends unknown events") from error
-        if not has_type(event, type(event)):
-            raise WrongAnswer(self._url, "it sends events with wrong fields")
-        return event
+            plain = strict_json.parse(text)
+        except strict_json.NotJson as error:
+            raise WrongAnswer(self._url, "it sends events without JSON") from error
+        return _event(self._url, plain)
+
+
+def _event(url: str, plain: Any) -> Event:
+    """Return the event of a JSON value. Raise WrongAnswer if it is not an event."""
+    try:
+        event = event_from_json(plain)
+    except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+        raise WrongAnswer(url, "it sends unknown events") from error
+    if not has_type(event, type(event)):
+        raise WrongAnswer(url, "it sends events with wrong fields")
+    return event
 
 
 @cache

@@ -9,10 +9,9 @@ from pathlib import Path
 
 def load_words() -> str:
     """Return words for a busy computer, and what to do."""
-    return (
-        f"the computer is busy, with {_ready_threads()} threads ready to run on {_processors()} "
-        "processors; end other programs"
-    )
+    ready, processors = _ready_threads(), _processors()
+    many = f", with {ready} threads ready to run on {processors} processors"
+    return f"the computer is busy{many if ready > processors else ''}; end other programs"
 
 
 def or_overloaded() -> str:

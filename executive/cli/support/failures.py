@@ -4,6 +4,7 @@ import errno
 import json
 import sys
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -104,7 +105,8 @@ def _print_json(cause: "Cause", error: Exception) -> int:
         places = [plain_mistake(each) for each in getattr(error, "mistakes", ())]
         words = {"code": cause.code, "message": cause.message, "hint": cause.hint}
         more = {"exit_status": status, "places": places, "cause": cause.to_json()}
-        echo(json.dumps({"event": "error", **words, **more}))
+        with suppress(OSError):  # the disk of the output may be full, which is then the cause
+            echo(json.dumps({"event": "error", **words, **more}))
     return status
 
 

@@ -86,6 +86,22 @@ WRONG = {
 }
 
 
+@pytest.mark.parametrize(
+    "event",
+    [
+        {},
+        {"event": "x"},
+        {"event": ["node"]},
+        {"event": "node"},
+        {"event": "lifecycle", "label": 1},
+    ],
+)
+def test_a_plan_with_other_events_is_an_error(say: Say, event: dict[str, object]) -> None:
+    url = say(http(json.dumps({"events": [event], "unknown": []}).encode()))
+    with Client(url, "x") as client, pytest.raises(WrongAnswer, match=url):
+        client.plan(1)
+
+
 @pytest.mark.parametrize("data", WRONG.values(), ids=WRONG)
 def test_an_answer_of_another_program_is_an_error(say: Say, data: bytes) -> None:
     url = say(data)
