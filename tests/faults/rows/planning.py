@@ -171,7 +171,8 @@ LIMITS = {
 
 @row(
     "host-limits",
-    "too low a limit of open files, of data or of the size of a file, for `run` and `plan`",
+    "too low a limit of data or of the size of a file for `run` and `plan`, or of open files for "
+    "`run`",
     "exit status 3, or 10 if only the recording is incomplete; the error names the option of "
     "`ulimit`, and no cable, disk or bug",
     times=6,

@@ -263,7 +263,8 @@ def kill_slow_disk(scene: Scene) -> None:
     until("a slow write", calls.calls)
     time.sleep(scene.random.uniform(0.0, 2.0))  # noqa: TID251, a random moment
     run.signal(signal.SIGKILL)
-    run.wait()
+    status = run.wait()
+    scene.check(status == -signal.SIGKILL, f"the run had ended with {status} before it was killed")
     scene.unrecorded = scene.unreceived = 1
 
 
