@@ -72,7 +72,8 @@ def kill_early(scene: Scene) -> None:
     "a skill calls `os._exit(0)`, `posix._exit(0)`, `sys.exit(0)`, `os.execv` or `os.chdir`: in a"
     " function, in a class, or when it is loaded",
     "the command fails and says which skill; a child process of a skill may still end. C code, such"
-    " as a library called with `ctypes`, can end the command; this is not injected",
+    " as a library called with `ctypes`, and a function that a skill leaves to `atexit` can end the"
+    " command; this is not injected",
     times=5,
 )
 def skill_exits(scene: Scene) -> None:
