@@ -4,7 +4,7 @@ import logging
 
 from executive.errors import RecordingBehind
 from hardware import Clock, Link
-from hardware.link.host_load import load_words, or_overloaded
+from hardware.link.host_load import busy_words, or_busy
 
 from .recordings import Recordings
 
@@ -108,6 +108,6 @@ class RecordedLink:
     def _likely_cause(self, waited: float) -> str:
         writing = self._recordings.write_time()
         if writing <= waited / 2:
-            return load_words()
+            return busy_words()
         # A write also takes long if its thread gets no processor.
-        return f"writes to the disk took {writing:.2f} s; record to a faster disk{or_overloaded()}"
+        return f"writes to the disk took {writing:.2f} s; record to a faster disk{or_busy()}"

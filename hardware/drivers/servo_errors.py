@@ -22,7 +22,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from hardware.errors import ACTIVATE_AGAIN, BoardError, BoardSilent, HardwareError
-from hardware.link.host_load import or_overloaded
+from hardware.link.host_load import or_busy
 from hardware.loading.dataclass import dataclass
 from hardware.printable import plural
 
@@ -117,7 +117,7 @@ class ServoSilent(BoardError):
             check = "Check the power supply, the adapter and the cable to the first servo"
         way = _DOCTOR if clues else f"{check}, then run again"
         asked = plural(cycles, "request")
-        super().__init__(f"{what} {asked} in a row{clues}. {way}{or_overloaded()}")
+        super().__init__(f"{what} {asked} in a row{clues}. {way}{or_busy()}")
 
 
 @dataclass(frozen=True, slots=True)

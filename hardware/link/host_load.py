@@ -7,16 +7,16 @@ import os
 from pathlib import Path
 
 
-def load_words() -> str:
+def busy_words() -> str:
     """Return words for a busy computer, and what to do."""
     ready, processors = _ready_threads(), _processors()
     many = f", with {ready} threads ready to run on {processors} processors"
     return f"the computer is busy{many if ready > processors else ''}; end other programs"
 
 
-def or_overloaded() -> str:
+def or_busy() -> str:
     """Return a sentence for the end of a message about a delay; empty if the computer has time."""
-    return f". Or {load_words()}" if _ready_threads() > _processors() else ""
+    return f". Or {busy_words()}" if _ready_threads() > _processors() else ""
 
 
 def _processors() -> int:

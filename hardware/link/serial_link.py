@@ -21,7 +21,7 @@ from hardware.errors import (
 )
 from hardware.printable import wire_text
 
-from .host_load import or_overloaded
+from .host_load import or_busy
 from .serial_ports import group_of, owner_of, serial_ports
 
 # Longest time for a write [s]. A 20-byte frame takes 2 ms on the wire, so a longer write is stuck.
@@ -84,7 +84,7 @@ class SerialLink:
                     raise OSError(errno.EBADF, "the port is not open")
                 _send(self._serial.fileno(), data)
         except TimeoutError as error:
-            raise PortStalled(self.port, why, or_overloaded()) from error
+            raise PortStalled(self.port, why, or_busy()) from error
         except _LOST as error:
             raise PortLost(self.port, why) from error
 

@@ -9,7 +9,7 @@ from functools import partial
 from hardware.clock import Clock
 from hardware.errors import LinkError, PortStalled
 
-from .host_load import or_overloaded
+from .host_load import or_busy
 from .link import Link
 
 # A call that takes longer than this number of waits is stuck: a write after 0.3 s, a close after
@@ -56,7 +56,7 @@ class TimedLink:
         done = Future[None]()
         self._put((done, partial(self._link.write, data)))
         if not self._in_time(done, _WRITE_WAITS):
-            raise PortStalled(self.port, "A write to the port does not return", or_overloaded())
+            raise PortStalled(self.port, "A write to the port does not return", or_busy())
 
     def read(self) -> bytes:
         """Wait for bytes and return them; empty if the link is closed."""
