@@ -69,7 +69,7 @@ def open_executive(
         for line in early:
             report(line.message)
         if pool is None:
-            pool = Pool(robot, setup.workers, clock, standby=not setup.single_user)
+            pool = Pool(robot, setup.workers, clock)
             stack.enter_context(closing(pool))
         executive = Executive(setup, robot, link, library, pool, clock, operator, leader)
         if subscriber:

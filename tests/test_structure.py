@@ -109,7 +109,7 @@ def test_only_a_loader_imports_by_name(arrows: dict[str, set[str]]) -> None:
     found = {name for name, path in MODULES.items() if by_name.search(path.read_text())}
     assert found == {*LOADERS}
     assert "executive.cli.run" in arrows["executive.cli.main"]
-    assert "skills.motion.workers.worker_main" in arrows["skills.motion.workers.worker_process"]
+    assert "skills.motion.workers.worker_main" in arrows["skills.motion.workers.fork_server"]
 
 
 def test_rooms_import_only_rooms_below(arrows: dict[str, set[str]]) -> None:

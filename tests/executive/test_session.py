@@ -1,7 +1,6 @@
 """From a set-up to an executive: what starts at once, and ends with it."""
 
 import os
-import threading
 from pathlib import Path
 
 import pytest
@@ -10,7 +9,6 @@ from executive.session import open_executive
 from executive.setup import Setup
 from hardware.drivers.virtual.board_process import BoardProcess, VirtualLink
 from hardware.errors import PortMissing
-from skills.motion import Verify
 
 
 def test_the_virtual_board_of_a_single_user_starts_at_once_and_ends_with_the_executive(
@@ -31,23 +29,6 @@ def test_the_virtual_board_of_a_single_user_starts_at_once_and_ends_with_the_exe
                 os.kill(board.pid, 0)
     with pytest.raises(ProcessLookupError):
         os.kill(boards[0].pid, 0)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("single_user", [False, True])
-def test_only_a_server_keeps_a_standby_planner(
-    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, single_user: bool
-) -> None:
-    """A command plans a few times, and ends before a second process would pay."""
-    monkeypatch.setattr("skills.motion.workers.pool.has_spare_memory", lambda: True)
-    setup = Setup(port="virtual", recordings=tmp_path, single_user=single_user)
-    with open_executive(setup) as executive:
-        pool, nap = executive._pool, threading.Event()
-        pool.start()
-        assert pool.ask(Verify([executive.robot.boot_pose], 0.0)) is None
-        while not pool._slots[0].idle:
-            nap.wait(0.001)
-        assert (pool._standby is None) is single_user
 
 
 def test_a_server_reports_a_missing_port_and_starts(tmp_path: Path) -> None:

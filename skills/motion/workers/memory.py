@@ -33,7 +33,7 @@ def limit_memory() -> None:
 
 
 def has_spare_memory(file: Path = Path("/proc/meminfo")) -> bool:
-    """Return True if the computer has enough free memory for a standby planner."""
+    """Return True if the computer has enough free memory to load a world once more."""
     with suppress(OSError):
         for line in file.read_text().splitlines():
             if line.startswith("MemAvailable:"):

@@ -3,20 +3,20 @@
 import logging
 from collections import deque
 from collections.abc import Callable
-from contextlib import suppress
 from functools import partial
 from queue import SimpleQueue
-from threading import Thread
+from threading import Lock, Thread
 from typing import TYPE_CHECKING, TypeVar
 
 from hardware import Clock, Robot
 from skills.motion.errors import MotionError, PlanCanceled, WorkerDied
 from skills.motion.query import Carry, Reached, Request, Result, ToolQuery
-from skills.motion.world import EMPTY, Body, World
+from skills.motion.world import Body, World
 
-from .memory import check_memory, has_spare_memory
+from .memory import check_memory
 
 if TYPE_CHECKING:
+    from .fork_server import ForkServer
     from .worker_process import WorkerProcess
 
 logger = logging.getLogger(__name__)
@@ -55,26 +55,22 @@ class Pool:
         workers: Number of processes.
         clock: Time source, on which the threads wait for jobs. Simulated time stands still while a
             worker plans, but passes while a worker starts.
-        standby: True to keep a standby process after the first answer, if there is enough memory.
-            If a worker is killed, the next request then does not wait for the start of a process.
-            Default: a standby process is started only during a slow request.
 
     Raises:
         TooLittleMemory: The operating system allows less address space than planners need.
     """
 
-    # A process starts within 0.3 to 0.5 s, and needs 40 to 60 MB of memory (measured; a mesh of
-    # 400,000 triangles adds 250 MB). A standby process is useful for a server, not for a command
-    # that plans a few times and ends. It starts only after the first answer: a server without goals
-    # needs no second process, the first process then loads faster, and the world is known later.
+    # All processes are forked from one that has loaded the robot and the latest world, so the next
+    # request after a kill loads nothing.
 
-    def __init__(self, robot: Robot, workers: int, clock: Clock, *, standby: bool = False) -> None:
+    def __init__(self, robot: Robot, workers: int, clock: Clock) -> None:
         check_memory()
-        self._robot, self._clock, self._keeps_standby = robot, clock, standby
+        self._robot, self._clock = robot, clock
         self._signal = clock.signal()
         self._queue: deque[Job] = deque()
         self._slots = [_Slot() for _ in range(workers)]
-        self._standby: WorkerProcess | None = None
+        self._server: ForkServer | None = None
+        self._starting = Lock()  # for the fork server
         self._closed = False
 
     def start(self) -> None:
@@ -150,9 +146,9 @@ class Pool:
         for slot in self._slots:
             if slot.thread:
                 slot.thread.join()
-        if self._standby:
-            self._standby.close()
-            self._standby = None
+        if self._server:
+            self._server.close()
+            self._server = None
 
     def _serve(self, slot: "_Slot") -> None:
         """Start the process of a slot, and let it answer jobs until the pool is closed."""
@@ -164,15 +160,14 @@ class Pool:
         slot.close()
 
     def _finish(self, slot: "_Slot", job: Job) -> None:
-        """Answer a job. Then start the standby process, unless another job waits.
+        """Answer a job. Then let the fork server load the job's world, unless another job waits.
 
-        After an error, no standby process is started: the worker may still load the robot, or the
-        world may be invalid.
+        After an error, it is not loaded: the worker may have failed to load it.
         """
         result = self._answer(slot, job)
         job.done(result)
-        if self._keeps_standby and not (self._queue or isinstance(result, MotionError)):
-            self._prepare_standby(_world(job))
+        if not (self._queue or isinstance(result, MotionError)):
+            self._load(job)
 
     def _prepare(self, slot: "_Slot") -> None:
         """Start a process for the next job. If this fails, the next job tries it again."""
@@ -181,37 +176,41 @@ class Pool:
         except Exception:
             logger.exception("no planning process could be started")
 
-    def _ensure_process(self, slot: "_Slot") -> None:
-        from .worker_process import WorkerProcess  # imports NumPy
-
-        if not slot.alive:
-            slot.close()
-            with self._signal:
-                slot.process, self._standby = self._standby, None
-            if not slot.alive:
-                slot.close()
-                process = WorkerProcess(self._robot)
-                with self._signal:
-                    slot.process = process
-
-    def _prepare_standby(self, world: World) -> None:
-        """Start a standby process if there is none and if there is enough memory.
+    def _ensure_process(self, slot: "_Slot", job: Job | None = None) -> None:
+        """Fork a process if the slot has none that is alive.
 
         Args:
-            world: World in which the workers plan. The standby process loads it.
+            slot: The slot.
+            job: The job for which the process is needed now. It does not wait until the fork server
+                has loaded another world.
         """
-        with self._signal:
-            usable = self._standby is not None and self._standby.alive
-            wanted = not (usable or self._closed)
-        if wanted and has_spare_memory():
-            from .worker_process import WorkerProcess
+        from .worker_process import WorkerProcess  # imports NumPy
 
-            with suppress(OSError):  # the standby process is optional
-                process = WorkerProcess(self._robot, world)
-                with self._signal:
-                    spare, self._standby = self._standby, process
-                if spare:  # this standby process died, or another thread has just started it
-                    spare.close()
+        server, process, world = self._server, slot.process, _world(job)
+        waits = process is not None and not process.ready
+        if waits and server and world is not None and server.is_loading_other(world):
+            server.kill()
+        if not slot.alive:
+            slot.close()
+            process = WorkerProcess(self._live_server(), self._robot)
+            with self._signal:
+                slot.process = process
+
+    def _live_server(self) -> "ForkServer":
+        """Return the fork server. Start a new one if it has died."""
+        from .fork_server import ForkServer
+
+        with self._starting:
+            if self._server and not self._server.alive:
+                self._server.close()
+                self._server = None
+            self._server = self._server or ForkServer(self._robot)
+            return self._server
+
+    def _load(self, job: Job) -> None:
+        """Let the fork server load the world of a job."""
+        if (world := _world(job)) is not None and self._server:
+            self._server.load(world)
 
     def _assign(self, job: Job) -> bool:
         """Give a job to an idle worker, and return True; return False if no worker is idle.
@@ -243,11 +242,11 @@ class Pool:
     def _answer(self, slot: "_Slot", job: Job) -> Result:
         result: Result = PlanCanceled()
         try:
-            self._ensure_process(slot)  # the worker may have died while it was idle
+            self._ensure_process(slot, job)  # the worker may have died while it was idle
             with self._signal:
                 process = None if slot.canceled else slot.process
             if process:
-                result = process.call(job.request, partial(self._prepare_standby, _world(job)))
+                result = process.call(job.request, partial(self._load, job))
         except Exception as error:
             # A bug, or the system cannot start a process. The caller still needs a result.
             logger.exception("a planning process cannot be used")
@@ -258,9 +257,9 @@ class Pool:
             return PlanCanceled() if slot.canceled else result
 
 
-def _world(job: Job) -> World:
-    """Return the world of a job's request; the empty world for a Rest, which has no world."""
-    return getattr(job.request, "world", EMPTY)
+def _world(job: Job | None) -> World | None:
+    """Return the world of a job's request; None for a Rest, which has no world."""
+    return getattr(job.request, "world", None) if job else None
 
 
 class _Slot:

@@ -1,13 +1,24 @@
-"""The program of a worker process: `python -P -m skills.motion.workers.worker_main FD`.
+"""The program of the planning processes: `python -P -m skills.motion.workers.worker_main FD FD`.
 
-FD is the file descriptor of the socket to the parent process. The worker receives a Robot and a
-World, and answers None when it has loaded them. Then it answers requests, one after the other,
-until the parent closes the socket. A request and its answer have the same number. A MotionError is
-an answer, too. If the robot is unusable, a MotionError is the first and only answer. Any other
-error ends the process, and so does too much memory. The parent then starts a new process.
+The process first is a fork server: it loads a robot and a world, and forks a worker whenever the
+parent process asks for one. A worker answers requests, one after the other, until the parent closes
+its socket. The two FD are file descriptors of sockets to the parent:
+
+    worlds  The server receives a Robot and a World, later other worlds. It answers None when it has
+            loaded a world.
+    forks   A byte asks for a worker. Three descriptors come with it: the sockets for the worker's
+            requests and for reports about it, and a file for its output. The server reports the
+            worker's process id with a descriptor of the process, and later its exit code. If the
+            robot is unusable, a MotionError is the only report.
+
+A request and its answer have the same number. A MotionError is an answer, too. Any other error ends
+the process, and so does too much memory. The parent then starts a new process.
 """
 
+import gc
 import os
+import pickle
+import select
 import signal
 import socket
 import sys
@@ -17,42 +28,49 @@ from hardware import RealClock
 from skills.motion.errors import MotionError
 from skills.motion.planner import Planner
 from skills.motion.query import Request, Result
+from skills.motion.world import World
 
 from .memory import limit_memory
 from .messages import encode, receive, send
 
 
-def main(descriptor: int) -> None:
-    """Answer requests until the parent process closes the socket.
+def main(worlds: int, forks: int) -> None:
+    """Fork workers until the parent process closes the sockets. In a worker, answer requests.
 
     Args:
-        descriptor: File descriptor of the socket.
+        worlds: File descriptor of the socket for the robot and the worlds.
+        forks: File descriptor of the socket on which the parent asks for workers.
     """
     limit_memory()
     if os.nice(0) < 0:  # the process that moves the arm has priority
         os.setpriority(os.PRIO_PROCESS, 0, 0)
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the parent ends the worker
-    with socket.socket(fileno=descriptor) as parent:
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # only the parent ends the processes
+    with (
+        suppress(EOFError, ConnectionError),
+        socket.socket(fileno=worlds) as parent,
+        socket.socket(fileno=forks) as asked,
+    ):
+        robot, world = receive(parent)
+        server = _ForkServer(parent, asked)
         try:
-            _serve(parent)
-        except (EOFError, ConnectionError):
-            return
+            planner = Planner(robot, RealClock())
+        except MotionError as error:
+            server.refuse(error)
+        _load(planner, world)
+        send(parent, encode(None))
+        with server.fork(planner) as requests:
+            _answer_requests(planner, requests)
 
 
-def _serve(parent: socket.socket) -> None:
-    robot, world = receive(parent)
-    try:
-        planner = Planner(robot, RealClock())
-    except MotionError as error:
-        send(parent, encode(error))
-        receive(parent)  # wait until the parent process closes the socket
-        return
+def _load(planner: Planner, world: World) -> None:
     with suppress(MotionError):  # the first request in this world reports the error
         planner.prepare(world)
-    send(parent, encode(None))
+
+
+def _answer_requests(planner: Planner, requests: socket.socket) -> None:
     while True:
-        number, request = receive(parent)
-        send(parent, encode((number, _answer(planner, request))))
+        number, request = receive(requests)
+        send(requests, encode((number, _answer(planner, request))))
 
 
 def _answer(planner: Planner, request: Request) -> Result:
@@ -62,5 +80,89 @@ def _answer(planner: Planner, request: Request) -> Result:
         return error
 
 
+class _ForkServer:
+    """Forks workers when the parent process asks for them, and reports about them.
+
+    Args:
+        parent: Socket for worlds.
+        asked: Socket on which the parent asks for workers.
+    """
+
+    def __init__(self, parent: socket.socket, asked: socket.socket) -> None:
+        self._parent, self._asked = parent, asked
+        # Process id and socket for reports of each worker, by the descriptor of the process.
+        self._workers = dict[int, tuple[int, socket.socket]]()
+        self._poll = select.poll()
+        for each in (parent, asked):
+            self._poll.register(each, select.POLLIN)
+
+    def refuse(self, error: MotionError) -> None:
+        """Report an error for each worker that the parent asks for.
+
+        Raises:
+            EOFError: Always, when the parent has closed its socket.
+        """
+        while True:
+            requests, reports, output = self._order()
+            with requests, reports, suppress(ConnectionError):
+                os.close(output)
+                reports.send(pickle.dumps(error))
+
+    def fork(self, planner: Planner) -> socket.socket:
+        """Fork workers and load worlds. Return in each worker: the socket for its requests.
+
+        Raises:
+            EOFError, ConnectionError: The parent has closed its socket.
+        """
+        while True:
+            for ready, _ in self._poll.poll():
+                if ready == self._parent.fileno():
+                    _load(planner, receive(self._parent))
+                    send(self._parent, encode(None))
+                elif ready in self._workers:
+                    self._report_end(ready)
+                elif requests := self._fork():
+                    return requests
+
+    def _fork(self) -> socket.socket | None:
+        """Fork a worker. Return None; in the worker, return the socket for its requests."""
+        requests, reports, output = self._order()
+        gc.freeze()  # a collection in the worker would copy the memory that the processes share
+        worker = os.fork()
+        if not worker:
+            for stream in (sys.stdout, sys.stderr):
+                os.dup2(output, stream.fileno())
+            others = [report for _, report in self._workers.values()]
+            for each in (self._parent, self._asked, reports, *others):
+                each.close()
+            for descriptor in (output, *self._workers):
+                os.close(descriptor)
+            return requests
+        requests.close()
+        os.close(output)
+        process = os.pidfd_open(worker)
+        self._workers[process] = worker, reports
+        self._poll.register(process, select.POLLIN)
+        with suppress(ConnectionError):  # the parent needs this worker no more
+            socket.send_fds(reports, [pickle.dumps(worker)], [process])
+        return None
+
+    def _order(self) -> tuple[socket.socket, socket.socket, int]:
+        """Return the sockets for requests and reports, and the output file, of a new worker."""
+        data, descriptors, *_ = socket.recv_fds(self._asked, 1, 3)
+        if not data:
+            raise EOFError
+        requests, reports, output = descriptors
+        return socket.socket(fileno=requests), socket.socket(fileno=reports), output
+
+    def _report_end(self, process: int) -> None:
+        worker, reports = self._workers.pop(process)
+        self._poll.unregister(process)
+        os.close(process)
+        code = os.waitstatus_to_exitcode(os.waitpid(worker, 0)[1])
+        with reports, suppress(ConnectionError):
+            reports.send(pickle.dumps(code))
+
+
 if __name__ == "__main__":
-    main(int(sys.argv[1]))
+    main(*map(int, sys.argv[1:]))

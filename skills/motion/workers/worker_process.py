@@ -1,78 +1,83 @@
-"""Starts a worker process, sends requests to it, and receives its answers."""
+"""Sends requests to a worker process, and receives its answers."""
 
 import contextlib
 import os
+import pickle
 import select
 import signal
 import socket
-import subprocess
-import sys
 import tempfile
+import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 from hardware import Robot
 from skills.motion.errors import BadQuery, MotionError, PlanTimeout, WorkerDied, shown
 from skills.motion.query import Query, Request, Result, check_types
-from skills.motion.world import EMPTY, World
 
 from .answer_checker import AnswerChecker
+from .fork_server import ForkServer, ending, is_stopped
 from .messages import InvalidMessage, encode, receive, send
 
-_PROGRAM = "skills.motion.workers.worker_main"
 _MAX_TIMEOUT = 86_400.0  # largest timeout of a request [s]
 _GRACE = 0.008  # a worker that has not answered this time after the timeout is killed [s]
 _SLOW = 0.1  # requests that take longer are likely to be canceled [s]
-_EXIT = 5.0  # longest wait for the exit status after the worker closed its socket [s]
+_EXIT = 5.0  # longest wait for the exit code after the worker closed its socket [s]
 _FEW = 100  # a request with fewer via points and bodies in total is encoded quickly
-_STOPPED_NOW = os.WSTOPPED | os.WNOHANG | os.WNOWAIT
 _START = 30.0  # longest time to load the robot on a slow machine [s]
+_REPORT = 65_536  # largest report about a worker [bytes]
 
 
 class WorkerProcess:
-    """A worker process for planning. It starts when the object is created.
+    """A worker process for planning. It is forked when the object is created.
 
-    The first `call` waits until the worker is ready. The worker has its own session, so Ctrl-C in
-    the terminal does not reach it. It ends when its socket is closed, at the latest when the parent
-    process ends.
+    The first `call` waits until the fork server has loaded the robot. A worker ends when its socket
+    is closed, at the latest when the parent process ends.
 
     Args:
+        server: The process from which the worker is forked.
         robot: The robot for which the worker plans.
-        world: World that the worker loads at its start. Default: the empty world.
     """
 
-    def __init__(self, robot: Robot, world: World = EMPTY) -> None:
-        ours, theirs = socket.socketpair()
+    def __init__(self, server: ForkServer, robot: Robot) -> None:
+        self._server = server
+        self._socket, theirs = socket.socketpair()
+        self._reports, reports = socket.socketpair(type=socket.SOCK_SEQPACKET)
         self._output = tempfile.TemporaryFile()  # noqa: SIM115, closed by `close`
-        with theirs:
-            self._process = subprocess.Popen(
-                [sys.executable, "-P", "-m", _PROGRAM, str(theirs.fileno())],
-                pass_fds=(theirs.fileno(),),
-                stdin=subprocess.DEVNULL,
-                stdout=self._output,
-                stderr=self._output,
-                env=_environment(),
-                start_new_session=True,
-            )
-        self._socket = ours
-        self._ready = self._killed = False
-        self._unusable: MotionError | None = None  # error of the worker if the robot is unusable
+        with theirs, reports, contextlib.suppress(OSError):  # `call` returns the error
+            server.fork(theirs.fileno(), reports.fileno(), self._output.fileno())
+        self._lock = threading.Lock()  # for the next three
+        self._pid: int | None = None
+        self._process: int | None = None  # descriptor of the process, once it is forked
+        self._killed = False
+        self._unusable: MotionError | None = None  # error of the server if the robot is unusable
         self._answers = AnswerChecker(robot)
         self._number = 0  # number of the last request
         self._ahead: tuple[float, bytes] | None = None  # deadline, and bytes still to send
-        self._send_setup(robot, world)
 
     @property
-    def pid(self) -> int:
-        """Process id of the worker."""
-        return self._process.pid
+    def pid(self) -> int | None:
+        """Process id of the worker; None before its first `call`."""
+        return self._pid
+
+    @property
+    def ready(self) -> bool:
+        """True if the first `call` has found that the worker was forked."""
+        return self._pid is not None
 
     @property
     def alive(self) -> bool:
-        """True while the worker runs. False after `kill`, or if SIGSTOP has stopped the worker."""
-        return not self._killed and self._process.poll() is None and not self._stopped()
+        """True while the worker runs, or while the fork server runs that has not forked it yet.
+
+        False after `kill`, or if SIGSTOP has stopped the process.
+        """
+        with self._lock:
+            if self._killed:
+                return False
+            if self._process is None or self._pid is None:
+                return self._server.alive
+            return not (_has_ended(self._process) or is_stopped(self._pid))
 
     def call(self, request: Request, slow: Callable[[], None] | None = None) -> Result:
         """Send a request to the worker. Wait for its answer, and return the answer or an error.
@@ -87,7 +92,7 @@ class WorkerProcess:
         ahead, self._ahead = self._ahead, None
         if invalid := _check(request):
             return invalid
-        if not self._ready and (failed := self._wait_until_ready()):
+        if not self.ready and (failed := self._wait_until_ready(request.timeout)):
             return failed
         try:
             until, message = ahead or self._encode(request)
@@ -111,7 +116,7 @@ class WorkerProcess:
 
         Sends only small requests. If there is an error, `call` returns it later.
         """
-        if not self._ready or _check(request) or not _is_small(request):
+        if not self.ready or _check(request) or not _is_small(request):
             return
         with contextlib.suppress(BadQuery, OSError):
             self._ahead = until, message = self._encode(request)
@@ -120,24 +125,28 @@ class WorkerProcess:
 
     def kill(self) -> None:
         """Kill the worker. Any thread may call this method, also more than once."""
-        self._killed = True
-        self._process.kill()
+        wakes = [self._socket]
+        with self._lock:
+            self._killed = True
+            if self._process is None:
+                wakes.append(self._reports)
+            else:
+                _kill(self._process)
         # Wakes a waiting `call` at once, before the operating system has cleaned up the process.
-        with contextlib.suppress(OSError):
-            self._socket.shutdown(socket.SHUT_RDWR)
+        for each in wakes:
+            with contextlib.suppress(OSError):
+                each.shutdown(socket.SHUT_RDWR)
 
     def close(self) -> None:
-        """Kill the worker, and free its resources."""
+        """Kill the worker, wait for its end, and free its resources."""
         self.kill()
-        self._process.wait()
-        self._socket.close()
-        self._output.close()
-
-    def _stopped(self) -> bool:
-        try:
-            return os.waitid(os.P_PID, self.pid, _STOPPED_NOW) is not None
-        except ChildProcessError:  # another thread has read its exit status meanwhile
-            return False
+        with self._lock:
+            if self._process is not None:
+                _has_ended(self._process, _EXIT)
+                os.close(self._process)
+                self._process = None
+        for each in (self._socket, self._reports, self._output):
+            each.close()
 
     def _is_slow(self, until: float) -> bool:
         """Wait for an answer. Return True if there is none after `_SLOW`, and time is left."""
@@ -147,30 +156,48 @@ class WorkerProcess:
         poll.register(self._socket, select.POLLIN)
         return not poll.poll(1e3 * _SLOW)
 
-    def _send_setup(self, robot: Robot, world: World) -> None:
-        try:
-            self._socket.sendall(encode((robot, world)))
-        except OSError:
-            self.kill()  # the first `call` returns the error
+    def _wait_until_ready(self, timeout: float) -> MotionError | None:
+        """Wait until the worker is forked. Return None, or an error.
 
-    def _wait_until_ready(self) -> MotionError | None:
-        """Wait until the worker has loaded the robot. Return None, or the error if this failed."""
-        until = time.monotonic() + _START
+        Args:
+            timeout: Timeout of the request [s]. It applies while the fork server loads a world.
+        """
+        if self._unusable:
+            return self._unusable
+        loading = self._server.is_loading()
         try:
-            answer = self._unusable or receive(self._socket, until)
+            report, processes = self._report(min(timeout, _START) if loading else _START)
         except TimeoutError:
-            return self._invalid(f"nothing within {_START:g} s of its start")
-        except (EOFError, OSError):
-            return self._died(until)
-        except InvalidMessage as error:
-            return self._invalid(str(error))
-        if isinstance(answer, MotionError):
-            self._unusable = answer
-            return answer
-        if answer is not None:
-            return self._invalid(f"{type(answer).__name__} when it started")
-        self._ready = True
+            self.kill()
+            if loading:
+                return PlanTimeout(timeout)
+            self._server.kill()
+            return WorkerDied(f"it answered nothing within {_START:g} s of its start")
+        except OSError:
+            report, processes = None, []
+        if isinstance(report, MotionError):
+            self._unusable = report
+            return report
+        if not processes:
+            return WorkerDied("it was killed" if self._killed else self._server.ending())
+        with self._lock:
+            self._pid, (self._process,) = report, processes
+            if self._killed:
+                _kill(self._process)
         return None
+
+    def _report(self, timeout: float) -> tuple[Any, list[int]]:
+        """Return the next report of the fork server, and the descriptors that came with it.
+
+        Returns None and no descriptors if there are no more reports.
+
+        Raises:
+            TimeoutError: There is no report within the timeout [s].
+            OSError: The worker was killed.
+        """
+        self._reports.settimeout(max(timeout, 1e-3))  # 0 means non-blocking
+        data, descriptors, *_ = socket.recv_fds(self._reports, _REPORT, 1)
+        return (pickle.loads(data) if data else None), descriptors
 
     def _encode(self, request: Request) -> tuple[float, bytes]:
         """Return the deadline of a request that is sent now [s], and the message to send.
@@ -212,19 +239,24 @@ class WorkerProcess:
         if self._killed:
             return WorkerDied("it was killed")
         try:
-            code = self._process.wait(min(_EXIT, max(0.0, until - time.monotonic())))
-        except subprocess.TimeoutExpired:
+            code, _ = self._report(min(_EXIT, until - time.monotonic()))
+        except TimeoutError:
             self.kill()
             return WorkerDied("it closed its socket")
         self.kill()
-        how = f"ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
-        return WorkerDied(how + self._last_line())
+        return WorkerDied("its fork server ended" if code is None else ending(code, self._output))
 
-    def _last_line(self) -> str:
-        """Return the last line of the worker's output in brackets; empty if there is no output."""
-        self._output.seek(0)
-        lines = self._output.read().decode(errors="replace").strip().splitlines()
-        return f" ({lines[-1].strip()})" if lines else ""
+
+def _has_ended(process: int, timeout: float = 0.0) -> bool:
+    """Return True if a process, given by its descriptor, ends within a timeout [s]."""
+    poll = select.poll()
+    poll.register(process, select.POLLIN)
+    return bool(poll.poll(1e3 * timeout))
+
+
+def _kill(process: int) -> None:
+    with contextlib.suppress(ProcessLookupError):
+        signal.pidfd_send_signal(process, signal.SIGKILL)
 
 
 def _is_small(request: Request) -> bool:
@@ -243,15 +275,3 @@ def _check(request: Request) -> BadQuery | None:
     if isinstance(timeout, (int, float)) and abs(timeout) <= _MAX_TIMEOUT:
         return None
     return BadQuery(f"The timeout is {shown(timeout)} s; give a number up to {_MAX_TIMEOUT:g}")
-
-
-def _environment() -> dict[str, str]:
-    """Return the environment for a worker.
-
-    It is the environment of this process, with armtree on the Python path and with one thread for
-    each numeric library.
-    """
-    rooms = str(Path(__file__).parents[3])
-    paths = [rooms, *filter(None, [os.environ.get("PYTHONPATH")])]
-    single = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
-    return {**os.environ, **single, "PYTHONPATH": os.pathsep.join(paths)}

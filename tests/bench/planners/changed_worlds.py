@@ -29,20 +29,32 @@ def one_box_moved(robot: Robot, count: int) -> Iterator[float]:
 
 def box_beside_mesh(robot: Robot, count: int, folder: Path) -> Iterator[float]:
     """Yield the time to plan after a box beside a large mesh moved [ms]."""
-    planner, mesh = Planner(robot), Body("mesh", _waves(folder / "waves.stl"), (1.5, 0.0, 0.3))
+    planner, mesh = Planner(robot), _mesh(folder)
     planner.plan(_query(robot, World((mesh,))))
     for box in _boxes(count):
         yield _spent(planner, _query(robot, World((mesh, box))))
 
 
-def next_after_kill(robot: Robot, count: int, folder: Path) -> Iterator[float]:
+def next_after_kill_of_400(robot: Robot, count: int, folder: Path) -> Iterator[float]:
     """Yield the time from a cancel to the next plan among 400 boxes [ms]."""
-    world = World(tuple(_boxes(400)))
-    with closing(warm_pool(cut_off(robot, folder), standby=True)) as pool:
+    yield from _next_after_kill(robot, count, folder, World(tuple(_boxes(400))))
+
+
+def next_after_kill_beside_mesh(robot: Robot, count: int, folder: Path) -> Iterator[float]:
+    """Yield the time from a cancel to the next plan beside a large mesh [ms]."""
+    yield from _next_after_kill(robot, count, folder, World((_mesh(folder),)))
+
+
+def _next_after_kill(robot: Robot, count: int, folder: Path, world: World) -> Iterator[float]:
+    with closing(warm_pool(cut_off(robot, folder))) as pool:
         near = dataclasses.replace(EASY, goal=(0.1, 0.0, 0.0), world=world)
         assert isinstance(ask(pool, near), Plan)  # the worker knows the world, as in a long run
         for seed in range(count):
             yield next_after_cancel(pool, seed, world)[1]
+
+
+def _mesh(folder: Path) -> Body:
+    return Body("mesh", _waves(folder / "waves.stl"), (1.5, 0.0, 0.3))
 
 
 def _query(robot: Robot, world: World) -> Query:

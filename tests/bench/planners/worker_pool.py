@@ -27,7 +27,6 @@ from tests.bench.planners.problems import POST
 
 EASY = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
 _NAN, _INF = float("nan"), float("inf")
-_REST = 1.0  # pause before a search that is canceled; a new standby process loads meanwhile [s]
 POISON = (
     dataclasses.replace(EASY, start=(_NAN, 0.0, 0.0, 0.0)),
     dataclasses.replace(EASY, goal=(0.0, _INF, 0.0)),
@@ -97,7 +96,7 @@ def deadlines(
     The goal is behind a wall. The URDF with the wall is written into the folder.
     """
     late, canceled, again = list[float](), list[float](), list[float]()
-    with closing(warm_pool(cut_off(robot, folder), standby=True)) as pool:
+    with closing(warm_pool(cut_off(robot, folder))) as pool:
         for seed in range(count):
             begun = time.perf_counter()
             answer = ask(pool, dataclasses.replace(EASY, seed=seed, timeout=0.1))
@@ -115,7 +114,6 @@ def next_after_cancel(pool: Pool, seed: int, world: World) -> tuple[float, float
 
     The robot is that of `cut_off`, so the search does not end by itself.
     """
-    threading.Event().wait(_REST)
     call = _Call(pool, dataclasses.replace(EASY, seed=seed, timeout=30.0, world=world))
     call.there.wait(0.1)
     begun = time.perf_counter()
@@ -162,6 +160,7 @@ def growth_mb(robot: Robot, count: int) -> float:
         _plans(pool, robot, random, count // 10)
         worker = pool._slots[0].process
         assert worker
+        assert worker.pid
         before = _resident(worker.pid)
         _plans(pool, robot, random, count)
         assert pool._slots[0].process is worker
@@ -187,9 +186,9 @@ def _resident(pid: int) -> float:
     return 4096 * pages / 2**20
 
 
-def warm_pool(robot: Robot, *, standby: bool = False) -> Pool:
-    """A pool with one warm worker; with `standby`, as a server has it."""
-    pool = Pool(robot, 1, RealClock(), standby=standby)
+def warm_pool(robot: Robot) -> Pool:
+    """A pool with one warm worker."""
+    pool = Pool(robot, 1, RealClock())
     pool.start()
     ask(pool, dataclasses.replace(EASY, goal=(0.1, 0.0, 0.0)))
     return pool

@@ -14,8 +14,6 @@ from tests.faults.board import Board
 from tests.faults.process import Server, until
 from tests.faults.row import Scene, row
 
-from .planning import planners
-
 TURN = """task: 30
 name: turn
 description: Turn one joint to an angle.
@@ -302,7 +300,6 @@ def many_goals(scene: Scene) -> None:
     server = scene.serve("--activate", "--policy", "queue", board=board)
 
     server.result(server.goal(21))  # the first plan
-    until("a standby planner", lambda: len(planners(server)) == 2)
     descriptors = server.descriptors()
 
     def batch() -> None:

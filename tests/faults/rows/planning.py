@@ -12,7 +12,7 @@ from pathlib import Path
 
 from tests.faults.board import Board
 from tests.faults.machine import measured
-from tests.faults.process import Server, until
+from tests.faults.process import Server, kill, until
 from tests.faults.row import Scene, last_line, row
 from tests.faults.rows.files import used
 from tests.support.paths import ROBOT_FILE
@@ -197,7 +197,8 @@ def host_limits(scene: Scene) -> None:
 
 @row(
     "planner-stopped",
-    "stop or kill the planner process (SIGSTOP, SIGKILL, SIGABRT, SIGSEGV) at a random moment",
+    "stop or kill the planner process, or the process from which planners are forked (SIGSTOP,"
+    " SIGKILL, SIGABRT, SIGSEGV), at a random moment",
     "at most the goal that needs it fails, with `plan.timeout` or `plan.worker_died`; not the next,"
     " and the figure is how long that takes to move the arm",
     limit=1,
@@ -216,7 +217,8 @@ def planner_stopped(scene: Scene) -> None:
             server.result(goal)
         else:
             time.sleep(scene.random.uniform(0.0, 1.0))  # noqa: TID251, a random moment
-        planner = until("a planner", functools.partial(planner_at_work, server))
+        found = scene.random.choice([planner_at_work, fork_server])
+        planner = until("a planner", functools.partial(found, server))
         os.kill(planner, signal.Signals[kind])
         if kind == "SIGSTOP":  # each of its threads stops when it is scheduled
             until("its stop", functools.partial(stopped, planner))
@@ -227,17 +229,28 @@ def planner_stopped(scene: Scene) -> None:
         may += ["plan.timeout"] if kind == "SIGSTOP" else []
         scene.check(code in may, f"{kind}, {moment}: the goal ends {code}")
         moves_again(scene, server, board, f"after {kind}, {moment}")
-        scene.check(not Path(f"/proc/{planner}").exists(), f"{kind}, {moment}: it still exists")
+        if found is fork_server:  # not needed meanwhile, so it is still there
+            kill(planner, signal.SIGCONT)
+        else:
+            left = Path(f"/proc/{planner}").exists()
+            scene.check(not left, f"{kind}, {moment}: it still exists")
 
 
 def planner_at_work(server: Server) -> int:
-    """The planner process that gets requests; 0 if none has started. A standby is younger."""
-    return min(planners(server), key=lambda pid: int(status(pid)[19]), default=0)
+    """The planner process that gets requests; 0 if it was not forked yet."""
+    _, *workers = planners(server) or [0]
+    return workers[-1] if workers else 0
+
+
+def fork_server(server: Server) -> int:
+    """The process from which planners are forked; 0 if it has not started."""
+    return next(iter(planners(server)), 0)
 
 
 def planners(server: Server) -> list[int]:
-    """The planner processes: one at work, and after the first answer a standby."""
-    return [pid for pid in server.family() if "worker_main" in command_line(pid)]
+    """The fork server of the planners, and its workers, in the order of their starts."""
+    found = [pid for pid in server.family() if "worker_main" in command_line(pid)]
+    return sorted(found, key=lambda pid: int(status(pid)[19]))
 
 
 def stopped(pid: int) -> bool:

@@ -2,13 +2,11 @@
 
 import dataclasses
 import os
-import select
 import signal
 import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from contextlib import closing
 from pathlib import Path
 from typing import Any, cast
 
@@ -28,7 +26,6 @@ from skills.motion import (
     PlanCanceled,
     PlanTimeout,
     Pool,
-    Query,
     Reached,
     Request,
     Rest,
@@ -39,17 +36,28 @@ from skills.motion import (
     WorkerDied,
     World,
 )
-from skills.motion.workers import pool as pool_module
+from skills.motion.workers import fork_server
 from skills.motion.workers.answer_checker import AnswerChecker
+from skills.motion.workers.fork_server import ForkServer
 from skills.motion.workers.memory import has_spare_memory
-from skills.motion.workers.worker_process import WorkerProcess
 from tests.support.paths import ROOT
+from tests.support.pools import (
+    LONG,
+    PICK,
+    Answer,
+    answered,
+    ask,
+    idle,
+    pid,
+    running,
+    until,
+    until_at_work,
+    wait_for_end,
+    wait_until_gone,
+)
 
-PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
 BENT = dataclasses.replace(PICK, via=((-0.7, 0.2, 0.0),))
 UNDER_THE_TABLE = (0.0, -1.5, -0.5, 0.0)
-# 10 000 times across the table and back: seconds of work for a worker.
-LONG = Verify([(0.0, 0.0, 0.0, 0.0), (-1.4, 0.0, 0.0, 0.0)] * 5_000, 0.002, timeout=60.0)
 
 
 @pytest.fixture(scope="module")
@@ -63,60 +71,6 @@ def pool(robot: Robot) -> Iterator[Pool]:
     pool.start()
     yield pool
     pool.close()
-
-
-class Answer:
-    """Receives the result of a job and waits for it."""
-
-    def __init__(self) -> None:
-        self.results: list[Result] = []
-        self._there = threading.Event()
-
-    def __call__(self, result: Result) -> None:
-        self.results.append(result)
-        self._there.set()
-
-    def wait(self) -> Result:
-        assert self._there.wait(20.0), "no answer"
-        assert len(self.results) == 1
-        return self.results[0]
-
-
-def ask(pool: Pool, request: Request) -> Result:
-    answer = Answer()
-    pool.submit(request, answer)
-    return answer.wait()
-
-
-def pid(pool: Pool) -> int:
-    process = pool._slots[0].process
-    assert process
-    return process.pid
-
-
-def idle(pool: Pool) -> int:
-    """Return the pid of the worker, once its thread has answered and waits for the next job."""
-    nap = threading.Event()
-    while not pool._slots[0].idle:
-        nap.wait(0.001)
-    return pid(pool)
-
-
-def until_at_work(process: int) -> None:
-    """Wait until a process has used 50 ms of processor time from now on."""
-    nap, begun = threading.Event(), ticks(process)
-    while ticks(process) < begun + 0.05 * os.sysconf("SC_CLK_TCK"):
-        nap.wait(0.005)
-
-
-def ticks(process: int) -> int:
-    """Processor time of a process, in clock ticks; field 14 of its stat line."""
-    return int(Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[11])
-
-
-def running(process: int) -> bool:
-    """True if a process exists, also as a zombie."""
-    return Path(f"/proc/{process}").exists()
 
 
 def test_answers(pool: Pool) -> None:
@@ -142,12 +96,6 @@ def test_errors_keep_their_attributes(pool: Pool) -> None:
     assert isinstance(hit, MotionCollides)
     assert hit.time is not None
     assert "floor" in (hit.first, hit.second)
-
-
-def answered(pool: Pool, request: Query) -> Plan:
-    plan = ask(pool, request)
-    assert isinstance(plan, Plan)
-    return plan
 
 
 def test_invalid_requests_do_not_affect_others(pool: Pool) -> None:
@@ -211,81 +159,8 @@ def test_cancel_kills_the_process_and_the_next_job_succeeds(pool: Pool) -> None:
     assert isinstance(running_job.wait(), PlanCanceled)
     job.cancel()
     assert isinstance(ask(pool, PICK), Plan)
-    assert not running(worker)
+    wait_until_gone(worker)
     assert len(running_job.results) == 1
-
-
-@pytest.mark.slow
-def test_a_worker_that_is_killed_at_a_long_job_is_replaced_by_one_that_stands_by(
-    pool: Pool, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("skills.motion.workers.worker_process._SLOW", 0.01)
-    far = World((Body("cube", Box((0.1, 0.1, 0.1)), (2.0, 0.0, 0.1)),))
-    assert isinstance(ask(pool, PICK), Plan)
-    if pool._standby:  # of an earlier test
-        pool._standby.close()
-        pool._standby = None
-    for memory_is_left in (False, True):
-        monkeypatch.setattr(pool_module, "has_spare_memory", lambda left=memory_is_left: left)
-        answer, started = Answer(), threading.Event()
-        job = pool.submit(dataclasses.replace(LONG, world=far), answer)
-        until_at_work(pid(pool))
-        while memory_is_left and not pool._standby:
-            started.wait(0.005)
-        standby = pool._standby.pid if pool._standby else None
-        assert (standby is not None) is memory_is_left
-        job.cancel()
-        assert isinstance(answer.wait(), PlanCanceled)
-        plan = answered(pool, dataclasses.replace(PICK, world=far))
-        assert (pid(pool) == standby) is memory_is_left
-        assert ("world" not in plan.milliseconds) is memory_is_left  # it was loaded before
-
-
-@pytest.mark.slow
-def test_a_process_stands_by_for_the_next_kill(
-    robot: Robot, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """It knows the world of the last request, and is replaced when it is used or has died."""
-    monkeypatch.setattr(pool_module, "has_spare_memory", lambda: True)
-    far = World((Body("cube", Box((0.1, 0.1, 0.1)), (2.0, 0.0, 0.1)),))
-    near = dataclasses.replace(PICK, world=far)
-    with closing(Pool(robot, 1, RealClock(), standby=True)) as pool:
-        pool.start()
-        idle(pool)
-        assert pool._standby is None  # the first process loads alone
-        answered(pool, near)
-        for _ in range(2):
-            idle(pool)
-            assert pool._standby
-            standby, answer = pool._standby.pid, Answer()
-            job = pool.submit(dataclasses.replace(LONG, world=far), answer)
-            job.cancel()  # at once: no request has to be slow first
-            assert isinstance(answer.wait(), PlanCanceled)
-            assert "world" not in answered(pool, near).milliseconds
-            assert pid(pool) == standby
-        idle(pool)
-        assert pool._standby
-        standby = pool._standby.pid
-        os.kill(standby, signal.SIGKILL)
-        os.waitid(os.P_PID, standby, os.WEXITED | os.WNOWAIT)
-        answered(pool, near)
-        idle(pool)
-        assert pool._standby.alive
-        assert not running(standby)
-        last = pool._standby.pid
-    assert not running(last)
-
-
-@pytest.mark.parametrize(("standby", "memory_is_left"), [(False, True), (True, False)])
-def test_no_process_stands_by_if_nothing_asks_for_it_or_memory_is_short(
-    robot: Robot, monkeypatch: pytest.MonkeyPatch, standby: bool, memory_is_left: bool
-) -> None:
-    monkeypatch.setattr(pool_module, "has_spare_memory", lambda: memory_is_left)
-    with closing(Pool(robot, 1, RealClock(), standby=standby)) as pool:
-        pool.start()
-        answered(pool, PICK)
-        idle(pool)
-        assert pool._standby is None
 
 
 def test_a_bug_in_a_thread_of_the_pool_ends_only_its_job(
@@ -307,10 +182,10 @@ def test_a_bug_in_a_thread_of_the_pool_ends_only_its_job(
 def test_a_process_that_cannot_be_started_is_tried_again_by_each_job(
     robot: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(_robot: Robot) -> WorkerProcess:
+    def refuse(_robot: Robot) -> ForkServer:
         raise OSError(24, "Too many open files")
 
-    monkeypatch.setattr("skills.motion.workers.worker_process.WorkerProcess", refuse)
+    monkeypatch.setattr(fork_server, "ForkServer", refuse)
     pool = Pool(robot, 1, RealClock())
     pool.start()
     for _ in range(2):
@@ -341,7 +216,7 @@ def test_a_worker_that_dies_while_idle_affects_no_job(pool: Pool) -> None:
     assert isinstance(ask(pool, PICK), Plan)
     worker = idle(pool)
     os.kill(worker, signal.SIGKILL)
-    os.waitid(os.P_PID, worker, os.WEXITED | os.WNOWAIT)
+    wait_for_end(worker)
     assert isinstance(ask(pool, PICK), Plan)
 
 
@@ -349,21 +224,24 @@ def test_a_worker_that_dies_while_idle_affects_no_job(pool: Pool) -> None:
 def test_a_worker_that_dies_while_idle_is_replaced(robot: Robot) -> None:
     pool = Pool(robot, 2, RealClock())
     pool.start()
-    nap, (dead, other) = threading.Event(), pool._slots
-    while not (dead.idle and other.idle):
-        nap.wait(0.001)
-    assert dead.process
-    assert other.process
+    dead, other = pool._slots
+    while not (dead.process and dead.process.ready and other.process and other.process.ready):
+        jobs = [Answer(), Answer()]
+        for each in jobs:
+            pool.submit(PICK, each)
+        for each in jobs:
+            assert isinstance(each.wait(), Plan)
+    until(lambda: dead.idle and other.idle)
     worker, living = dead.process.pid, other.process.pid
+    assert worker
     os.kill(worker, signal.SIGKILL)
-    os.waitid(os.P_PID, worker, os.WEXITED | os.WNOWAIT)
+    wait_for_end(worker)
     answer = Answer()
     job = pool.submit(PICK, answer)
     assert other.job is job
     assert isinstance(answer.wait(), Plan)
     assert other.process.pid == living
-    while dead.process is None or dead.process.pid == worker:  # without a request
-        nap.wait(0.001)
+    until(lambda: dead.process and dead.process.pid != worker)  # without a request
     pool.close()
 
 
@@ -375,7 +253,7 @@ def test_a_worker_that_hangs_is_killed(pool: Pool) -> None:
     os.kill(worker, signal.SIGSTOP)
     assert isinstance(answer.wait(), PlanTimeout)
     assert isinstance(ask(pool, PICK), Plan)
-    assert not running(worker)
+    wait_until_gone(worker)
 
 
 @pytest.mark.slow
@@ -383,16 +261,16 @@ def test_a_worker_that_is_stopped_while_idle_affects_no_job(pool: Pool) -> None:
     assert isinstance(ask(pool, BENT), Plan)
     worker = idle(pool)
     os.kill(worker, signal.SIGSTOP)
-    os.waitid(os.P_PID, worker, os.WSTOPPED | os.WNOWAIT)
+    until(lambda: fork_server.is_stopped(worker))
     assert isinstance(ask(pool, PICK), Plan)
-    assert not running(worker)
+    wait_until_gone(worker)
 
 
 def test_a_worker_that_was_stopped_and_continues_is_kept(pool: Pool) -> None:
     assert isinstance(ask(pool, PICK), Plan)
     worker = idle(pool)
     os.kill(worker, signal.SIGSTOP)
-    os.waitid(os.P_PID, worker, os.WSTOPPED | os.WNOWAIT)
+    until(lambda: fork_server.is_stopped(worker))
     os.kill(worker, signal.SIGCONT)
     assert isinstance(ask(pool, PICK), Plan)
     assert pid(pool) == worker
@@ -484,10 +362,11 @@ def test_an_unusable_model_is_reported(robot: Robot, tmp_path: Path) -> None:
     pool = Pool(dataclasses.replace(robot, urdf=broken), 1, RealClock())
     pool.start()
     assert isinstance(ask(pool, PICK), ModelUnusable)
-    worker = pid(pool)
+    assert pool._server
+    server = pool._server.pid
     for _ in range(5):
         assert isinstance(ask(pool, PICK), ModelUnusable)
-    assert pid(pool) == worker  # it is known, so no second probe is needed
+    assert pool._server.pid == server  # it is known, so the robot is not loaded again
     pool.close()
 
 
@@ -505,7 +384,7 @@ def test_close_cancels_all_and_leaves_nothing(robot: Robot) -> None:
     pool.close()
     assert all(isinstance(answer.wait(), PlanCanceled) for answer in answers)
     assert set(threading.enumerate()) == before
-    assert not any(running(worker) for worker in workers)
+    until(lambda: not any(running(worker) for worker in workers if worker))
     assert isinstance(ask(pool, PICK), PlanCanceled)
 
 
@@ -553,17 +432,10 @@ def test_workers_end_with_their_parent() -> None:
     ) as parent:
         assert parent.stdout
         worker = int(parent.stdout.readline())
-        watch = os.pidfd_open(worker) if running(worker) else None
-    if watch is not None:
-        gone = threading.Thread(target=_wait_for_end, args=(watch,))
-        gone.start()
-        gone.join(5.0)
-        assert not gone.is_alive()
-
-
-def _wait_for_end(watch: int) -> None:
-    select.select([watch], [], [])
-    os.close(watch)
+    gone = threading.Thread(target=wait_for_end, args=(worker,))
+    gone.start()
+    gone.join(5.0)
+    assert not gone.is_alive()
 
 
 @pytest.mark.slow

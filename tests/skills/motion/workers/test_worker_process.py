@@ -6,6 +6,8 @@ import pickle
 import signal
 import struct
 import sys
+from collections.abc import Iterator
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +16,7 @@ import pytest
 from hardware import Robot, load_robot
 from skills.motion import Plan, PlanTimeout, Query, Reached, Verify, WorkerDied
 from skills.motion.planner import Planner
+from skills.motion.workers.fork_server import ForkServer
 from skills.motion.workers.worker_process import WorkerProcess
 
 PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
@@ -24,13 +27,14 @@ def robot() -> Robot:
     return load_robot()
 
 
-# Stands for a worker: reads what it is sent, says that it is ready, then sends bytes of its own.
+# Stands for a fork server that is the worker, too: it reports its process, reads what it is sent,
+# then sends bytes of its own.
 SAYS = """#!{python}
-import pickle, socket, sys
-with socket.socket(fileno=int(sys.argv[-1])) as parent:
-    parent.recv(65536)
-    body = pickle.dumps(None)
-    parent.sendall(len(body).to_bytes(4) + body)
+import os, pickle, socket, sys
+with socket.socket(fileno=int(sys.argv[-1])) as forks:
+    _, (requests, reports, _), *_ = socket.recv_fds(forks, 1, 3)
+with socket.socket(fileno=requests) as parent, socket.socket(fileno=reports) as watch:
+    socket.send_fds(watch, [pickle.dumps(os.getpid())], [os.pidfd_open(os.getpid())])
     parent.recv(65536)
     parent.sendall({answer!r})
     parent.recv(1)
@@ -44,15 +48,21 @@ def program(file: Path, text: str, monkeypatch: pytest.MonkeyPatch, **values: ob
     monkeypatch.setattr(sys, "executable", str(file))
 
 
+@contextmanager
+def started(robot: Robot) -> Iterator[WorkerProcess]:
+    """A worker, and its fork server."""
+    with closing(ForkServer(robot)) as server, closing(WorkerProcess(server, robot)) as worker:
+        yield worker
+
+
 def test_a_worker_that_hangs_in_its_first_request_is_killed(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Everything was loaded before, so the request's own timeout applies."""
     program(tmp_path / "hangs", SAYS, monkeypatch, answer=b"")
-    worker = WorkerProcess(robot)
-    assert isinstance(worker.call(dataclasses.replace(PICK, timeout=0.05)), PlanTimeout)
-    assert not worker.alive
-    worker.close()
+    with started(robot) as worker:
+        assert isinstance(worker.call(dataclasses.replace(PICK, timeout=0.05)), PlanTimeout)
+        assert not worker.alive
 
 
 def framed(body: bytes, more: int = 0) -> bytes:
@@ -94,10 +104,9 @@ def test_a_worker_with_an_invalid_answer(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: bytes
 ) -> None:
     program(tmp_path / "nonsense", SAYS, monkeypatch, answer=answer)
-    worker = WorkerProcess(robot)
-    assert isinstance(worker.call(PICK), WorkerDied)
-    assert not worker.alive
-    worker.close()
+    with started(robot) as worker:
+        assert isinstance(worker.call(PICK), WorkerDied)
+        assert not worker.alive
     assert not Path(f"/proc/{worker.pid}").exists()
 
 
@@ -106,14 +115,13 @@ def test_a_worker_with_a_plan_for_another_goal(
 ) -> None:
     other = Planner(robot).plan(dataclasses.replace(PICK, goal=(-1.4, -0.5, -0.07)))
     program(tmp_path / "lies", SAYS, monkeypatch, answer=answered(other))
-    worker = WorkerProcess(robot)
-    lied = worker.call(PICK)
-    assert isinstance(lied, WorkerDied)
-    assert lied.why == (
-        "it answered a plan that ends with joint_2 at -28.6479 deg, not at -34.3775 deg"
-    )
-    assert not worker.alive
-    worker.close()
+    with started(robot) as worker:
+        lied = worker.call(PICK)
+        assert isinstance(lied, WorkerDied)
+        assert lied.why == (
+            "it answered a plan that ends with joint_2 at -28.6479 deg, not at -34.3775 deg"
+        )
+        assert not worker.alive
 
 
 @pytest.mark.parametrize("answer", [b"\0", b"\0\0\0\x10", framed(pickle.dumps(None), more=1)])
@@ -121,10 +129,9 @@ def test_a_worker_that_announces_more_than_it_sends_is_killed(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: bytes
 ) -> None:
     program(tmp_path / "halts", SAYS, monkeypatch, answer=answer)
-    worker = WorkerProcess(robot)
-    assert isinstance(worker.call(dataclasses.replace(PICK, timeout=0.05)), PlanTimeout)
-    assert not worker.alive
-    worker.close()
+    with started(robot) as worker:
+        assert isinstance(worker.call(dataclasses.replace(PICK, timeout=0.05)), PlanTimeout)
+        assert not worker.alive
 
 
 def test_a_worker_that_answers_twice(
@@ -134,13 +141,12 @@ def test_a_worker_that_answers_twice(
     again = "parent.recv(65536)\n    parent.sendall({answer!r})\n    parent.recv(1)"
     says = SAYS.replace("parent.recv(1)", again)
     program(tmp_path / "twice", says, monkeypatch, answer=answered(PlanTimeout(1.0)))
-    worker = WorkerProcess(robot)
-    assert isinstance(worker.call(PICK), PlanTimeout)
-    died = worker.call(PICK)
-    assert isinstance(died, WorkerDied)
-    assert died.why == "it answered request 1, not 2"
-    assert not worker.alive
-    worker.close()
+    with started(robot) as worker:
+        assert isinstance(worker.call(PICK), PlanTimeout)
+        died = worker.call(PICK)
+        assert isinstance(died, WorkerDied)
+        assert died.why == "it answered request 1, not 2"
+        assert not worker.alive
 
 
 def test_a_plan_that_is_not_finite_or_incomplete_is_invalid(robot: Robot) -> None:
@@ -160,21 +166,20 @@ def test_a_worker_that_closes_its_socket_is_replaced_at_once(
     """The exit status is not waited for beyond the request's timeout."""
     says = SAYS.replace("parent.recv(1)", "parent.close(); import signal; signal.pause()")
     program(tmp_path / "hangs_up", says, monkeypatch, answer=b"")
-    worker = WorkerProcess(robot)
-    died = worker.call(dataclasses.replace(PICK, timeout=0.05))
-    assert isinstance(died, WorkerDied)
-    assert died.why == "it closed its socket"
-    assert not worker.alive
-    worker.close()
+    with started(robot) as worker:
+        died = worker.call(dataclasses.replace(PICK, timeout=0.05))
+        assert isinstance(died, WorkerDied)
+        assert died.why == "it closed its socket"
+        assert not worker.alive
 
 
 @pytest.mark.slow
 def test_a_worker_that_reads_nothing_is_killed(robot: Robot) -> None:
     """Sending a request of a megabyte ends at the request's timeout."""
-    worker = WorkerProcess(robot)
-    assert worker.call(Verify([robot.boot_pose], 0.0)) is None
-    os.kill(worker.pid, signal.SIGSTOP)
-    rows = [robot.boot_pose] * 40_000
-    assert isinstance(worker.call(Verify(rows, 0.0, timeout=0.05)), PlanTimeout)
-    assert not worker.alive
-    worker.close()
+    with started(robot) as worker:
+        assert worker.call(Verify([robot.boot_pose], 0.0)) is None
+        assert worker.pid
+        os.kill(worker.pid, signal.SIGSTOP)
+        rows = [robot.boot_pose] * 40_000
+        assert isinstance(worker.call(Verify(rows, 0.0, timeout=0.05)), PlanTimeout)
+        assert not worker.alive

@@ -1,0 +1,133 @@
+"""The fork server: what its workers know, and what its end costs."""
+
+import dataclasses
+import os
+import signal
+from contextlib import closing
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hardware import RealClock, Robot, load_robot
+from skills.motion import Body, Box, Mesh, PlanCanceled, PlanTimeout, Pool, World
+from skills.motion.workers import fork_server
+from tests.support.pools import (
+    LONG,
+    PICK,
+    Answer,
+    answered,
+    ask,
+    idle,
+    pid,
+    running,
+    until,
+    until_at_work,
+    wait_for_end,
+    wait_until_gone,
+)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    return load_robot()
+
+
+FAR = World((Body("cube", Box((0.1, 0.1, 0.1)), (2.0, 0.0, 0.1)),))
+
+
+def loaded(pool: Pool, world: World) -> bool:
+    """True if the fork server has loaded a world."""
+    server = pool._server
+    assert server
+    with server._lock:
+        return server._world == world and server._has_loaded()
+
+
+@pytest.mark.slow
+def test_a_worker_after_a_kill_knows_the_world_of_the_last_answer(robot: Robot) -> None:
+    with closing(Pool(robot, 1, RealClock())) as pool:
+        pool.start()
+        near = dataclasses.replace(PICK, world=FAR)
+        assert "world" in answered(pool, near).milliseconds
+        until(lambda: loaded(pool, FAR))
+        for _ in range(3):
+            worker, answer = idle(pool), Answer()
+            pool.submit(dataclasses.replace(LONG, world=FAR), answer).cancel()
+            assert isinstance(answer.wait(), PlanCanceled)
+            assert "world" not in answered(pool, near).milliseconds
+            assert pid(pool) != worker
+            wait_until_gone(worker)
+        assert pool._server
+        server = pool._server.pid
+    assert not running(server)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("memory_is_left", [False, True])
+def test_a_world_is_loaded_during_a_long_job_if_memory_is_left(
+    robot: Robot, monkeypatch: pytest.MonkeyPatch, memory_is_left: bool
+) -> None:
+    monkeypatch.setattr("skills.motion.workers.worker_process._SLOW", 0.01)
+    monkeypatch.setattr(fork_server, "has_spare_memory", lambda: memory_is_left)
+    with closing(Pool(robot, 1, RealClock())) as pool:
+        pool.start()
+        answered(pool, PICK)
+        answer = Answer()
+        job = pool.submit(dataclasses.replace(LONG, world=FAR), answer)
+        if memory_is_left:
+            until(lambda: loaded(pool, FAR))
+        else:
+            until_at_work(pid(pool))
+        job.cancel()
+        assert isinstance(answer.wait(), PlanCanceled)
+        plan = answered(pool, dataclasses.replace(PICK, world=FAR))
+        assert ("world" not in plan.milliseconds) is memory_is_left
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_fork_server_that_dies_or_stops_is_replaced_when_it_is_needed(
+    robot: Robot, how: signal.Signals
+) -> None:
+    with closing(Pool(robot, 1, RealClock())) as pool:
+        pool.start()
+        answered(pool, PICK)
+        assert pool._server
+        server, worker = pool._server.pid, idle(pool)
+        os.kill(server, how)
+        os.waitid(os.P_PID, server, os.WEXITED | os.WSTOPPED | os.WNOWAIT)
+        answered(pool, PICK)
+        assert pid(pool) == worker  # it needs no server
+        os.kill(worker, signal.SIGKILL)
+        wait_for_end(worker)
+        answered(pool, PICK)
+        assert pool._server.pid != server
+        assert not running(server)
+
+
+@pytest.mark.slow
+def test_a_job_waits_for_a_fork_server_only_while_it_loads_the_world_of_the_job(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """To load the mesh takes half a second or more."""
+    monkeypatch.setattr("skills.motion.workers.worker_process._SLOW", 0.01)
+    count = 60_000
+    record = [("normal", "<3f4"), ("corners", "<9f4"), ("attributes", "<u2")]
+    triangles = np.zeros(count, dtype=record)
+    triangles["corners"] = np.random.default_rng(1).uniform(-0.1, 0.1, (count, 9))
+    file = tmp_path / "large.stl"
+    file.write_bytes(bytes(80) + count.to_bytes(4, "little") + triangles.tobytes())
+    large = World((Body("mesh", Mesh(str(file)), (2.0, 0.0, 0.1)),))
+    with closing(Pool(robot, 1, RealClock())) as pool:
+        pool.start()
+        answered(pool, PICK)
+        assert pool._server
+        server = pool._server.pid
+        long = dataclasses.replace(PICK, world=large, timeout=0.05)
+        for _ in range(2):  # the second one needs a new worker
+            assert isinstance(ask(pool, long), PlanTimeout)
+            assert pool._server.is_loading()
+        assert pool._server.pid == server
+        answered(pool, PICK)
+        assert pool._server.pid != server
