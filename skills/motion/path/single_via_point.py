@@ -19,7 +19,7 @@ from .motion_validator import MotionValidator
 
 _CANDIDATES = 192
 _GROUP_SIZE = 16  # candidates filtered in one call
-_MAX_TRIES = 10  # largest number of bends that are checked completely
+_MAX_TRIES = 20  # largest number of bends that are checked completely; a search costs as much
 # Largest distance of candidates beyond the ends, times the number of joints [rad]: those of the
 # small and of the large box alternate. With many joints, candidates far away would be sparse.
 _REACH = np.tile([[5.0], [10.0]], (_CANDIDATES // 2, 1))
