@@ -2,6 +2,7 @@
 
 import json
 import math
+import os
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -22,6 +23,7 @@ _MAX_SHOWN = 60  # largest number of characters of a value in a message
 
 Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
+Stamp = tuple[int, int, int]  # inode, size and time of a file
 
 
 @dataclass(frozen=True, slots=True)
@@ -239,6 +241,20 @@ class World:
 
 EMPTY = World()
 _EXAMPLE = '[{"name": "post", "box": {"size": [0.03, 0.03, 0.2]}, "position": [0.2, 0, 0.1]}]'
+
+
+def mesh_stamp(mesh: Mesh) -> Stamp | None:
+    """Return the stamp of a mesh's file; None if it is missing."""
+    try:
+        found = os.stat(mesh.path)
+    except (OSError, ValueError):  # the loader of the mesh reports the error
+        return None
+    return found.st_ino, found.st_size, found.st_mtime_ns
+
+
+def mesh_stamps(world: World) -> list[Stamp | None]:
+    """Return the stamp of each mesh file of a world, in the order of the bodies."""
+    return [mesh_stamp(body.shape) for body in world.bodies if isinstance(body.shape, Mesh)]
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:

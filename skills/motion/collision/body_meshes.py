@@ -1,6 +1,5 @@
 """Meshes of the world's bodies, each read from its file once for all scenes that contain it."""
 
-import os
 from dataclasses import dataclass
 from weakref import WeakValueDictionary
 
@@ -11,9 +10,7 @@ import pinocchio as pin
 from hardware.description.meshes import MAX_MESH_BYTES
 from skills.motion.errors import BadWorld
 from skills.motion.robot_model.geometry import EnclosedVolume, convex_hull
-from skills.motion.world import Mesh, World
-
-Stamp = tuple[int, int, int]  # inode, size and time of a file
+from skills.motion.world import Mesh, Stamp, mesh_stamp
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,24 +43,11 @@ class BodyMeshes:
         Raises:
             BadWorld: The file cannot be read or is too large, or a vertex is out of range.
         """
-        key = mesh, _stamp(mesh)
+        key = mesh, mesh_stamp(mesh)
         loaded = self._loaded.get(key)
         if loaded is None:
             self._loaded[key] = loaded = _read(*key)
         return loaded
-
-
-def mesh_stamps(world: World) -> list[Stamp | None]:
-    """Return inode, size and time of each mesh file of a world; None if a file is missing."""
-    return [_stamp(body.shape) for body in world.bodies if isinstance(body.shape, Mesh)]
-
-
-def _stamp(mesh: Mesh) -> Stamp | None:
-    try:
-        found = os.stat(mesh.path)
-    except (OSError, ValueError):  # the loader of the mesh reports the error
-        return None
-    return found.st_ino, found.st_size, found.st_mtime_ns
 
 
 def _read(mesh: Mesh, stamp: Stamp | None) -> BodyMesh:

@@ -18,9 +18,9 @@ from skills.motion.errors import BadWorld
 from skills.motion.robot_model.geometry import EnclosedVolume
 from skills.motion.robot_model.motion_bounds import travel_bounds
 from skills.motion.robot_model.robot_model import RobotModel
-from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Sphere, World
+from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Sphere, World, mesh_stamps
 
-from .body_meshes import BodyMesh, BodyMeshes, mesh_stamps
+from .body_meshes import BodyMesh, BodyMeshes
 
 FLOOR = "floor"
 # Largest numbers of pairs of hulls and of exact shapes. At both limits, a planner needs 1 GB.

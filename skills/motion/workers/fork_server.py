@@ -8,18 +8,20 @@ import subprocess
 import sys
 import tempfile
 import threading
+import time
 from contextlib import suppress
 from pathlib import Path
 from typing import IO
 
 from hardware import Robot
-from skills.motion.world import EMPTY, World
+from skills.motion.world import EMPTY, Stamp, World, mesh_stamps
 
 from .memory import has_spare_memory
 from .messages import InvalidMessage, encode, receive, send
 
 _PROGRAM = "skills.motion.workers.worker_main"
 _EXIT = 5.0  # longest wait for the exit status after the process closed its sockets [s]
+_SEND = 0.1  # longest time to send a world to a process that waits for it [s]
 
 
 class ForkServer:
@@ -34,10 +36,9 @@ class ForkServer:
 
     Args:
         robot: The robot.
-        world: The world to load first. Default: the empty world.
     """
 
-    def __init__(self, robot: Robot, world: World = EMPTY) -> None:
+    def __init__(self, robot: Robot) -> None:
         self._worlds, worlds = socket.socketpair()
         self._forks, forks = socket.socketpair(type=socket.SOCK_SEQPACKET)
         self._output = tempfile.TemporaryFile()  # noqa: SIM115, closed by `close`
@@ -53,9 +54,10 @@ class ForkServer:
                 start_new_session=True,
             )
         self._lock = threading.Lock()
-        self._world, self._loaded = world, False
+        self._world, self._stamps, self._loaded = EMPTY, list[Stamp | None](), False
+        self._ending = ""
         with suppress(OSError):  # the first `call` of a worker returns the error
-            send(self._worlds, encode((robot, world)))
+            send(self._worlds, encode(robot))
 
     @property
     def pid(self) -> int:
@@ -81,10 +83,15 @@ class ForkServer:
 
         Does nothing while the process loads another world, or if the computer has little memory.
         """
-        with self._lock, suppress(OSError):  # without the process, a worker loads the world
-            if world != self._world and self._has_loaded() and has_spare_memory():
-                self._world, self._loaded = world, False
-                send(self._worlds, encode(world))
+        with self._lock:
+            stamps = mesh_stamps(world)
+            known = world == self._world and stamps == self._stamps
+            if not known and self._has_loaded() and has_spare_memory():
+                self._world, self._stamps, self._loaded = world, stamps, False
+                try:
+                    send(self._worlds, encode(world), time.monotonic() + _SEND)
+                except OSError:  # without the process, a worker loads the world
+                    self.kill()
 
     def fork(self, *descriptors: int) -> None:
         """Ask for a worker; return at once.
@@ -101,8 +108,8 @@ class ForkServer:
         """Wait for the end of a process that closed its sockets. Return how it ended."""
         with suppress(subprocess.TimeoutExpired):
             self._process.wait(_EXIT)
-        self.kill()
-        return ending(self._process.returncode, self._output)
+        self.close()
+        return self._ending
 
     def kill(self) -> None:
         """Kill the process, and wait for its end."""
@@ -110,22 +117,27 @@ class ForkServer:
         self._process.wait()
 
     def close(self) -> None:
-        """Kill the process, and free its resources."""
+        """Kill the process, and free its resources. Further calls do nothing."""
         self.kill()
-        for each in (self._worlds, self._forks, self._output):
-            each.close()
+        with self._lock:
+            if not self._output.closed:
+                self._ending = ending(self._process.returncode, self._output)
+            for each in (self._worlds, self._forks, self._output):
+                each.close()
 
     def _has_loaded(self) -> bool:
         """Return True if the process has loaded the last world. The caller has the lock."""
-        if not self._loaded and _is_readable(self._worlds):
+        is_open = self._worlds.fileno() >= 0
+        if not self._loaded and is_open and is_readable(self._worlds):
             with suppress(EOFError, OSError, InvalidMessage):
                 self._loaded = receive(self._worlds) is None
-        return self._loaded
+        return self._loaded and is_open
 
 
 def ending(code: int, output: IO[bytes]) -> str:
     """Return how a process ended, with the last line of its output if there is one."""
-    how = f"ended by {signal.Signals(-code).name}" if code < 0 else f"ended with code {code}"
+    names = {each.value: each.name for each in signal.Signals}
+    how = f"ended by {names.get(-code, -code)}" if code < 0 else f"ended with code {code}"
     output.seek(0)
     lines = output.read().decode(errors="replace").strip().splitlines()
     return f"{how} ({lines[-1].strip()})" if lines else how
@@ -140,10 +152,11 @@ def is_stopped(pid: int) -> bool:
     return stat.rpartition(")")[2].split()[0] in "Tt"
 
 
-def _is_readable(connection: socket.socket) -> bool:
+def is_readable(connection: socket.socket, timeout: float = 0.0) -> bool:
+    """Return True if a socket has data or is closed within a timeout [s]."""
     poll = select.poll()
     poll.register(connection, select.POLLIN)
-    return bool(poll.poll(0))
+    return bool(poll.poll(1e3 * timeout))
 
 
 def _environment() -> dict[str, str]:

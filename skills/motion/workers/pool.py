@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 from hardware import Clock, Robot
 from skills.motion.errors import MotionError, PlanCanceled, WorkerDied
 from skills.motion.query import Carry, Reached, Request, Result, ToolQuery
-from skills.motion.world import Body, World
+from skills.motion.world import Body
 
 from .memory import check_memory
 
@@ -52,7 +52,8 @@ class Pool:
 
     Args:
         robot: The robot for which the workers plan.
-        workers: Number of processes.
+        workers: Number of processes. With several, an idle one that was forked before the fork
+            server knew a world loads this world itself.
         clock: Time source, on which the threads wait for jobs. Simulated time stands still while a
             worker plans, but passes while a worker starts.
 
@@ -176,20 +177,10 @@ class Pool:
         except Exception:
             logger.exception("no planning process could be started")
 
-    def _ensure_process(self, slot: "_Slot", job: Job | None = None) -> None:
-        """Fork a process if the slot has none that is alive.
-
-        Args:
-            slot: The slot.
-            job: The job for which the process is needed now. It does not wait until the fork server
-                has loaded another world.
-        """
+    def _ensure_process(self, slot: "_Slot") -> None:
+        """Fork a process if the slot has none that is alive."""
         from .worker_process import WorkerProcess  # imports NumPy
 
-        server, process, world = self._server, slot.process, _world(job)
-        waits = process is not None and not process.ready
-        if waits and server and world is not None and server.is_loading_other(world):
-            server.kill()
         if not slot.alive:
             slot.close()
             process = WorkerProcess(self._live_server(), self._robot)
@@ -208,9 +199,10 @@ class Pool:
             return self._server
 
     def _load(self, job: Job) -> None:
-        """Let the fork server load the world of a job."""
-        if (world := _world(job)) is not None and self._server:
-            self._server.load(world)
+        """Let the fork server load the world of a job. A Rest has no world."""
+        server, world = self._server, getattr(job.request, "world", None)
+        if server and world is not None:
+            server.load(world)
 
     def _assign(self, job: Job) -> bool:
         """Give a job to an idle worker, and return True; return False if no worker is idle.
@@ -242,11 +234,15 @@ class Pool:
     def _answer(self, slot: "_Slot", job: Job) -> Result:
         result: Result = PlanCanceled()
         try:
-            self._ensure_process(slot, job)  # the worker may have died while it was idle
-            with self._signal:
-                process = None if slot.canceled else slot.process
-            if process:
-                result = process.call(job.request, partial(self._load, job))
+            for _ in range(2):
+                self._ensure_process(slot)  # the worker may have died while it was idle
+                with self._signal:
+                    process = None if slot.canceled else slot.process
+                if process:
+                    result = process.call(job.request, partial(self._load, job))
+                # If the fork server ended before the fork, another worker may answer.
+                if not (process and isinstance(result, WorkerDied)) or process.forked:
+                    break
         except Exception as error:
             # A bug, or the system cannot start a process. The caller still needs a result.
             logger.exception("a planning process cannot be used")
@@ -255,11 +251,6 @@ class Pool:
         with self._signal:
             slot.job = None
             return PlanCanceled() if slot.canceled else result
-
-
-def _world(job: Job | None) -> World | None:
-    """Return the world of a job's request; None for a Rest, which has no world."""
-    return getattr(job.request, "world", None) if job else None
 
 
 class _Slot:

@@ -1,11 +1,10 @@
 """The program of the planning processes: `python -P -m skills.motion.workers.worker_main FD FD`.
 
-The process first is a fork server: it loads a robot and a world, and forks a worker whenever the
+The process first is a fork server: it loads a robot and worlds, and forks a worker whenever the
 parent process asks for one. A worker answers requests, one after the other, until the parent closes
 its socket. The two FD are file descriptors of sockets to the parent:
 
-    worlds  The server receives a Robot and a World, later other worlds. It answers None when it has
-            loaded a world.
+    worlds  The server receives a Robot, and later worlds. It answers None when it has loaded one.
     forks   A byte asks for a worker. Three descriptors come with it: the sockets for the worker's
             requests and for reports about it, and a file for its output. The server reports the
             worker's process id with a descriptor of the process, and later its exit code. If the
@@ -28,7 +27,7 @@ from hardware import RealClock
 from skills.motion.errors import MotionError
 from skills.motion.planner import Planner
 from skills.motion.query import Request, Result
-from skills.motion.world import World
+from skills.motion.world import EMPTY, World
 
 from .memory import limit_memory
 from .messages import encode, receive, send
@@ -50,16 +49,18 @@ def main(worlds: int, forks: int) -> None:
         socket.socket(fileno=worlds) as parent,
         socket.socket(fileno=forks) as asked,
     ):
-        robot, world = receive(parent)
+        robot = receive(parent)
         server = _ForkServer(parent, asked)
         try:
             planner = Planner(robot, RealClock())
         except MotionError as error:
             server.refuse(error)
-        _load(planner, world)
+        planner.prepare(EMPTY)
         send(parent, encode(None))
-        with server.fork(planner) as requests:
+        requests = server.fork(planner)
+        with suppress(EOFError, ConnectionError):
             _answer_requests(planner, requests)
+        os._exit(0)  # to free the shared memory would copy it
 
 
 def _load(planner: Planner, world: World) -> None:
@@ -127,6 +128,11 @@ class _ForkServer:
     def _fork(self) -> socket.socket | None:
         """Fork a worker. Return None; in the worker, return the socket for its requests."""
         requests, reports, output = self._order()
+        if _is_closed(requests):  # the parent has canceled meanwhile
+            requests.close()
+            reports.close()
+            os.close(output)
+            return None
         gc.freeze()  # a collection in the worker would copy the memory that the processes share
         worker = os.fork()
         if not worker:
@@ -162,6 +168,15 @@ class _ForkServer:
         code = os.waitstatus_to_exitcode(os.waitpid(worker, 0)[1])
         with reports, suppress(ConnectionError):
             reports.send(pickle.dumps(code))
+
+
+def _is_closed(connection: socket.socket) -> bool:
+    """Return True if the other process has closed a socket to which it has sent nothing."""
+    try:
+        connection.recv(1, socket.MSG_PEEK | socket.MSG_DONTWAIT)
+    except BlockingIOError:
+        return False
+    return True
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Sends requests to a worker process, and receives its answers."""
 
 import contextlib
+import math
 import os
 import pickle
 import select
@@ -15,17 +16,19 @@ from typing import Any
 from hardware import Robot
 from skills.motion.errors import BadQuery, MotionError, PlanTimeout, WorkerDied, shown
 from skills.motion.query import Query, Request, Result, check_types
+from skills.motion.world import EMPTY
 
 from .answer_checker import AnswerChecker
-from .fork_server import ForkServer, ending, is_stopped
+from .fork_server import ForkServer, ending, is_readable, is_stopped
 from .messages import InvalidMessage, encode, receive, send
 
 _MAX_TIMEOUT = 86_400.0  # largest timeout of a request [s]
 _GRACE = 0.008  # a worker that has not answered this time after the timeout is killed [s]
-_SLOW = 0.1  # requests that take longer are likely to be canceled [s]
+_SLOW = 0.02  # a world in which an answer takes longer may take long to load [s]
 _EXIT = 5.0  # longest wait for the exit code after the worker closed its socket [s]
 _FEW = 100  # a request with fewer via points and bodies in total is encoded quickly
 _START = 30.0  # longest time to load the robot on a slow machine [s]
+_PATIENCE = 0.3  # longest wait for a load of another world; to start a new server takes longer [s]
 _REPORT = 65_536  # largest report about a worker [bytes]
 
 
@@ -47,24 +50,27 @@ class WorkerProcess:
         self._output = tempfile.TemporaryFile()  # noqa: SIM115, closed by `close`
         with theirs, reports, contextlib.suppress(OSError):  # `call` returns the error
             server.fork(theirs.fileno(), reports.fileno(), self._output.fileno())
-        self._lock = threading.Lock()  # for the next three
+        self._lock = threading.Lock()  # for the next five
         self._pid: int | None = None
         self._process: int | None = None  # descriptor of the process, once it is forked
-        self._killed = False
         self._unusable: MotionError | None = None  # error of the server if the robot is unusable
+        self._lost = False  # True if the server ended without a report
+        self._killed = False
         self._answers = AnswerChecker(robot)
         self._number = 0  # number of the last request
         self._ahead: tuple[float, bytes] | None = None  # deadline, and bytes still to send
 
     @property
     def pid(self) -> int | None:
-        """Process id of the worker; None before its first `call`."""
-        return self._pid
+        """Process id of the worker; None before it is forked."""
+        with self._lock:
+            self._read_report()
+            return self._pid
 
     @property
-    def ready(self) -> bool:
-        """True if the first `call` has found that the worker was forked."""
-        return self._pid is not None
+    def forked(self) -> bool:
+        """True if the worker was forked."""
+        return self.pid is not None
 
     @property
     def alive(self) -> bool:
@@ -73,7 +79,8 @@ class WorkerProcess:
         False after `kill`, or if SIGSTOP has stopped the process.
         """
         with self._lock:
-            if self._killed:
+            self._read_report()
+            if self._killed or self._lost:
                 return False
             if self._process is None or self._pid is None:
                 return self._server.alive
@@ -92,10 +99,12 @@ class WorkerProcess:
         ahead, self._ahead = self._ahead, None
         if invalid := _check(request):
             return invalid
-        if not self.ready and (failed := self._wait_until_ready(request.timeout)):
+        deadline = self._deadline(request)
+        if failed := self._wait_until_forked(request, deadline):
             return failed
         try:
             until, message = ahead or self._encode(request)
+            until = min(until, deadline)
             if message:
                 send(self._socket, message, until)
             if slow and self._is_slow(until):
@@ -116,7 +125,7 @@ class WorkerProcess:
 
         Sends only small requests. If there is an error, `call` returns it later.
         """
-        if not self.ready or _check(request) or not _is_small(request):
+        if not self.forked or _check(request) or not _is_small(request):
             return
         with contextlib.suppress(BadQuery, OSError):
             self._ahead = until, message = self._encode(request)
@@ -140,62 +149,79 @@ class WorkerProcess:
     def close(self) -> None:
         """Kill the worker, wait for its end, and free its resources."""
         self.kill()
+        if self._process is not None:
+            _has_ended(self._process, _EXIT)
         with self._lock:
             if self._process is not None:
-                _has_ended(self._process, _EXIT)
+                # Without its server, the worker may have become a child of this process.
+                with contextlib.suppress(ChildProcessError):
+                    os.waitid(os.P_PIDFD, self._process, os.WEXITED | os.WNOHANG)
                 os.close(self._process)
                 self._process = None
-        for each in (self._socket, self._reports, self._output):
-            each.close()
+            for each in (self._socket, self._reports, self._output):
+                each.close()
 
     def _is_slow(self, until: float) -> bool:
         """Wait for an answer. Return True if there is none after `_SLOW`, and time is left."""
         if until - time.monotonic() < _SLOW:
             return False
-        poll = select.poll()
-        poll.register(self._socket, select.POLLIN)
-        return not poll.poll(1e3 * _SLOW)
+        return not is_readable(self._socket, _SLOW)
 
-    def _wait_until_ready(self, timeout: float) -> MotionError | None:
+    def _deadline(self, request: Request) -> float:
+        """Return when a request ends, on the monotonic clock [s]; infinity if it has not begun.
+
+        It begins when it is sent, or at once while the server loads a world for it.
+        """
+        if self.forked or not self._server.is_loading():
+            return math.inf
+        return time.monotonic() + max(request.timeout, 0.0) + _GRACE
+
+    def _wait_until_forked(self, request: Request, deadline: float) -> MotionError | None:
         """Wait until the worker is forked. Return None, or an error.
 
         Args:
-            timeout: Timeout of the request [s]. It applies while the fork server loads a world.
+            request: The next request. If the server still loads another world after `_PATIENCE`, it
+                is killed.
+            deadline: Longest time to wait, on the monotonic clock [s].
         """
-        if self._unusable:
-            return self._unusable
-        loading = self._server.is_loading()
-        try:
-            report, processes = self._report(min(timeout, _START) if loading else _START)
-        except TimeoutError:
+        if self.forked:
+            return None
+        world = getattr(request, "world", EMPTY)
+        if self._server.is_loading_other(world) and not is_readable(self._reports, _PATIENCE):
+            self._server.kill()
+        left = min(deadline - time.monotonic(), _START)
+        if not is_readable(self._reports, max(left, 0.0)):
             self.kill()
-            if loading:
-                return PlanTimeout(timeout)
+            if deadline < math.inf:
+                return PlanTimeout(request.timeout)
             self._server.kill()
             return WorkerDied(f"it answered nothing within {_START:g} s of its start")
-        except OSError:
-            report, processes = None, []
+        with self._lock:
+            self._read_report()
+            if self._killed:
+                return WorkerDied("it was killed")
+            if self._unusable or self._process is not None:
+                return self._unusable
+        return WorkerDied(self._server.ending())
+
+    def _read_report(self) -> None:
+        """Read the report about the fork if it has come. The caller has the lock."""
+        missing = self._process is None and not (self._unusable or self._lost or self._killed)
+        if not missing or not is_readable(self._reports):
+            return
+        report, processes = self._report()
         if isinstance(report, MotionError):
             self._unusable = report
-            return report
-        if not processes:
-            return WorkerDied("it was killed" if self._killed else self._server.ending())
-        with self._lock:
+        elif processes:
             self._pid, (self._process,) = report, processes
-            if self._killed:
-                _kill(self._process)
-        return None
+        else:
+            self._lost = True
 
-    def _report(self, timeout: float) -> tuple[Any, list[int]]:
+    def _report(self) -> tuple[Any, list[int]]:
         """Return the next report of the fork server, and the descriptors that came with it.
 
         Returns None and no descriptors if there are no more reports.
-
-        Raises:
-            TimeoutError: There is no report within the timeout [s].
-            OSError: The worker was killed.
         """
-        self._reports.settimeout(max(timeout, 1e-3))  # 0 means non-blocking
         data, descriptors, *_ = socket.recv_fds(self._reports, _REPORT, 1)
         return (pickle.loads(data) if data else None), descriptors
 
@@ -238,13 +264,13 @@ class WorkerProcess:
         """
         if self._killed:
             return WorkerDied("it was killed")
-        try:
-            code, _ = self._report(min(_EXIT, until - time.monotonic()))
-        except TimeoutError:
+        left = min(_EXIT, until - time.monotonic())
+        if not is_readable(self._reports, max(left, 0.0)):
             self.kill()
             return WorkerDied("it closed its socket")
+        code, _ = self._report()
         self.kill()
-        return WorkerDied("its fork server ended" if code is None else ending(code, self._output))
+        return WorkerDied("it ended" if code is None else ending(code, self._output))
 
 
 def _has_ended(process: int, timeout: float = 0.0) -> bool:

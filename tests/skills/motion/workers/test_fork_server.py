@@ -10,8 +10,11 @@ import numpy as np
 import pytest
 
 from hardware import RealClock, Robot, load_robot
-from skills.motion import Body, Box, Mesh, PlanCanceled, PlanTimeout, Pool, World
+from skills.motion import Body, Box, Mesh, Plan, PlanCanceled, PlanTimeout, Pool, World
 from skills.motion.workers import fork_server
+from skills.motion.workers.fork_server import ForkServer
+from skills.motion.workers.worker_process import WorkerProcess
+from skills.motion.world import mesh_stamps
 from tests.support.pools import (
     LONG,
     PICK,
@@ -131,3 +134,84 @@ def test_a_job_waits_for_a_fork_server_only_while_it_loads_the_world_of_the_job(
         assert pool._server.pid == server
         answered(pool, PICK)
         assert pool._server.pid != server
+
+
+@pytest.mark.slow
+def test_a_worker_that_was_canceled_before_its_fork_is_not_forked(robot: Robot) -> None:
+    with closing(ForkServer(robot)) as server:
+        os.kill(server.pid, signal.SIGSTOP)
+        for _ in range(20):
+            WorkerProcess(server, robot).close()
+        os.kill(server.pid, signal.SIGCONT)
+        with closing(WorkerProcess(server, robot)) as worker:
+            assert isinstance(worker.call(PICK), Plan)
+            stat = Path(f"/proc/{server.pid}/stat").read_text().rpartition(")")[2].split()
+            assert stat[8] == "0"  # page faults of its ended children: there are none
+
+
+@pytest.mark.slow
+def test_a_fork_server_that_does_not_read_a_world_is_killed(robot: Robot) -> None:
+    box = Box((0.01, 0.01, 0.01))
+    large = World(tuple(Body(f"{i:0>300}", box, (2.0, 0.0, 0.1)) for i in range(1000)))
+    with closing(ForkServer(robot)) as server:
+        with closing(WorkerProcess(server, robot)) as worker:
+            assert isinstance(worker.call(PICK), Plan)  # the server has loaded the robot
+        os.kill(server.pid, signal.SIGSTOP)
+        server.load(large)
+        assert not server.alive
+
+
+@pytest.mark.slow
+def test_jobs_succeed_if_their_fork_server_dies_before_it_forks_their_workers(
+    robot: Robot,
+) -> None:
+    with closing(Pool(robot, 2, RealClock())) as pool:
+        pool.start()
+        until(lambda: pool._server)
+        assert pool._server
+        server = pool._server
+        until(lambda: all(slot.process for slot in pool._slots))
+        answers = [Answer(), Answer()]
+        for answer in answers:
+            pool.submit(PICK, answer)
+        os.kill(server.pid, signal.SIGKILL)
+        for answer in answers:
+            assert isinstance(answer.wait(), Plan)
+        assert pool._server is not server
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGSTOP])
+def test_a_worker_that_has_answered_nothing_yet_and_dies_affects_no_job(
+    robot: Robot, how: signal.Signals
+) -> None:
+    with closing(Pool(robot, 1, RealClock())) as pool:
+        pool.start()
+        until(lambda: pool._slots[0].idle)
+        until(lambda: pool._slots[0].process and pool._slots[0].process.forked)
+        worker = pid(pool)
+        os.kill(worker, how)
+        if how is signal.SIGKILL:
+            wait_for_end(worker)
+        else:
+            until(lambda: fork_server.is_stopped(worker))
+        answered(pool, PICK)
+        assert pid(pool) != worker
+
+
+@pytest.mark.slow
+def test_a_mesh_whose_file_has_changed_is_loaded_again(robot: Robot, tmp_path: Path) -> None:
+    file = tmp_path / "triangle.stl"
+    facet = "facet normal 0 0 1\nouter loop\n{}endloop\nendfacet\n"
+    corners = "".join(f"vertex {x} {y} {z}\n" for x, y, z in np.eye(3).tolist())
+    file.write_text(f"solid a\n{facet.format(corners)}endsolid a\n")
+    world = World((Body("mesh", Mesh(str(file)), (2.0, 0.0, 0.1)),))
+    with closing(Pool(robot, 1, RealClock())) as pool:
+        pool.start()
+        answered(pool, dataclasses.replace(PICK, world=world))
+        until(lambda: loaded(pool, world))
+        os.utime(file, (1.0, 1.0))
+        answered(pool, dataclasses.replace(PICK, world=world))
+        until(lambda: loaded(pool, world))
+        assert pool._server
+        assert pool._server._stamps == mesh_stamps(world)

@@ -225,13 +225,10 @@ def test_a_worker_that_dies_while_idle_is_replaced(robot: Robot) -> None:
     pool = Pool(robot, 2, RealClock())
     pool.start()
     dead, other = pool._slots
-    while not (dead.process and dead.process.ready and other.process and other.process.ready):
-        jobs = [Answer(), Answer()]
-        for each in jobs:
-            pool.submit(PICK, each)
-        for each in jobs:
-            assert isinstance(each.wait(), Plan)
-    until(lambda: dead.idle and other.idle)
+    until(lambda: dead.idle and dead.process and dead.process.forked)
+    until(lambda: other.idle and other.process and other.process.forked)
+    assert dead.process
+    assert other.process
     worker, living = dead.process.pid, other.process.pid
     assert worker
     os.kill(worker, signal.SIGKILL)
