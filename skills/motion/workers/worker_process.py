@@ -136,6 +136,7 @@ class WorkerProcess:
         """Kill the worker. Any thread may call this method, also more than once."""
         wakes = [self._socket]
         with self._lock:
+            self._read_report()
             self._killed = True
             if self._process is None:
                 wakes.append(self._reports)
@@ -151,6 +152,8 @@ class WorkerProcess:
         self.kill()
         if self._process is not None:
             _has_ended(self._process, _EXIT)
+            if self._server.alive and not self._server.is_loading():
+                is_readable(self._reports, _EXIT)  # then the server has read the exit code
         with self._lock:
             if self._process is not None:
                 # Without its server, the worker may have become a child of this process.

@@ -215,3 +215,16 @@ def test_a_mesh_whose_file_has_changed_is_loaded_again(robot: Robot, tmp_path: P
         until(lambda: loaded(pool, world))
         assert pool._server
         assert pool._server._stamps == mesh_stamps(world)
+
+
+@pytest.mark.slow
+def test_no_process_outlives_the_pool(robot: Robot) -> None:
+    for _ in range(5):
+        with closing(Pool(robot, 2, RealClock())) as pool:
+            pool.start()
+            answered(pool, PICK)
+            workers = [slot.process for slot in pool._slots]
+            until(lambda workers=workers: all(each and each.forked for each in workers))
+            assert pool._server
+            processes = [pool._server.pid, *(each.pid for each in workers if each)]
+        assert not any(running(process) for process in processes if process)

@@ -381,7 +381,7 @@ def test_close_cancels_all_and_leaves_nothing(robot: Robot) -> None:
     pool.close()
     assert all(isinstance(answer.wait(), PlanCanceled) for answer in answers)
     assert set(threading.enumerate()) == before
-    until(lambda: not any(running(worker) for worker in workers if worker))
+    assert not any(running(worker) for worker in workers if worker)
     assert isinstance(ask(pool, PICK), PlanCanceled)
 
 
