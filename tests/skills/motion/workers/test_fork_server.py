@@ -223,8 +223,12 @@ def test_no_process_outlives_the_pool(robot: Robot) -> None:
         with closing(Pool(robot, 2, RealClock())) as pool:
             pool.start()
             answered(pool, PICK)
-            workers = [slot.process for slot in pool._slots]
-            until(lambda workers=workers: all(each and each.forked for each in workers))
+            until_forked(pool)
             assert pool._server
-            processes = [pool._server.pid, *(each.pid for each in workers if each)]
+            workers = [slot.process.pid for slot in pool._slots if slot.process]
+            processes = [pool._server.pid, *workers]
         assert not any(running(process) for process in processes if process)
+
+
+def until_forked(pool: Pool) -> None:
+    until(lambda: all(slot.process and slot.process.forked for slot in pool._slots))
