@@ -29,7 +29,7 @@ class ForkServer:
 
     To fork takes 4 ms, and 12 ms with a mesh of 400,000 triangles; to load the robot takes 0.3 s,
     and such a mesh 2.6 s (measured). The processes share memory as long as they do not change it.
-    Each thread may use the object.
+    Any thread may use the object.
 
     The process has its own session, so Ctrl-C in the terminal does not reach it. It ends when its
     sockets are closed, at the latest when the parent process ends.
