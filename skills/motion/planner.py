@@ -238,7 +238,7 @@ class Planner:
         key = world, without
         checker = self._checkers.pop(key, None)
         if checker is None or not checker.scene.is_current(world):
-            robot = _without(self._robot, without)
+            robot = _without(self._robot, without) if without else self._robot
             checker = CollisionChecker(PlanningScene(robot, world, self._model, self._meshes))
         if len(self._checkers) >= _MAX_SCENES:
             del self._checkers[next(other for other in self._checkers if other != (EMPTY, _NONE))]

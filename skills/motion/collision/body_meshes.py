@@ -63,4 +63,6 @@ def _read(mesh: Mesh, stamp: Stamp | None) -> BodyMesh:
         hull = convex_hull([pin.GeometryObject(path, 0, 0, pin.SE3.Identity(), shape)])
     except ValueError as error:
         raise BadWorld(f"The mesh {path} is unusable: {error}") from error
+    for geometry in shape, hull:
+        geometry.computeLocalAABB()  # coal needs the boxes for its first guess
     return BodyMesh(shape, hull, EnclosedVolume(shape))

@@ -87,35 +87,23 @@ class BroadPhase:
 
     def collisions(self, q: Array, stop: bool) -> Mask:
         """Return True for each row in collision. With `stop`, rows after the first may be False."""
-        rows = max(1, self._max_pairs // max(1, len(self._pairs)))
         active = [part for part in self._parts if part.active]
-        parts = [part.collisions(q, stop, rows, self._check) for part in active]
+        parts = [part.collisions(q, stop, self._rows, self._check) for part in active]
         if len(parts) == 1:
             return parts[0]
         return np.logical_or(*parts) if parts else np.zeros(len(q), bool)
 
-    def close_pairs_at(self, q: Array) -> list[int]:
-        """Return all pairs closer than the margin in one row (1, nq), which has at least one."""
-        if len(self._pairs) == 1:
-            return list(self._pairs)
-        found = list[int]()
-        for part in self._parts:
-            if part.active:
-                found += part.close_pairs_at(q)
-        return sorted(found)
-
     def close_pairs(self, q: Array) -> frozenset[int]:
-        """Return all pairs closer than the margin in some row (N, nq). Each row has such a pair."""
-        pairs = self._pairs
-        while len(q):
-            left = self._pairs.difference(self.close_pairs_at(q[:1]))
-            self._activate(left)
-            if not left:
-                break
-            q = q[1:][self.collisions(q[1:], stop=False)]
-        found = pairs - self._pairs
-        self._activate(pairs)
-        return found
+        """Return all pairs closer than the margin in some row (N, nq)."""
+        active = [part for part in self._parts if part.active]
+        return frozenset[int]().union(
+            *(part.close_pairs(q, self._rows, self._check) for part in active)
+        )
+
+    @property
+    def _rows(self) -> int:
+        """Most rows per call."""
+        return max(1, self._max_pairs // max(1, len(self._pairs)))
 
 
 class _Part(ABC):
@@ -140,7 +128,7 @@ class _Part(ABC):
     ) -> None:
         self._geometry, self._data, self._numbers, self.active = geometry, data, numbers, True
         self._ends, size = tuple(ends.T), len(geometry.geometryObjects)
-        self._margins = np.zeros((size, size))
+        self._margins, self._checked = np.zeros((size, size)), np.zeros((size, size), bool)
         self._own = np.ones(len(numbers), bool)  # True for each pair that is checked
 
     def set_margins(self, margins: Array) -> None:
@@ -150,18 +138,30 @@ class _Part(ABC):
 
     def activate(self, active: Mask) -> None:
         """Set the pairs of the scene that are checked (P,)."""
-        own, data = active[self._numbers], self._data
-        for place in (own != self._own).nonzero()[0].tolist():
-            (data.activateCollisionPair if own[place] else data.deactivateCollisionPair)(place)
-        self._own, self.active = own, bool(own.any())
+        self._checked[self._ends] = self._own = active[self._numbers]
+        self._data.setActiveCollisionPairs(self._geometry, self._checked, True)
+        self.active = bool(self._own.any())
 
     @abstractmethod
     def collisions(self, q: Array, stop: bool, rows: int, check: Callable[[], None]) -> Mask:
         """Return True for each row in collision. See `collide`."""
 
+    def close_pairs(self, q: Array, rows: int, check: Callable[[], None]) -> list[int]:
+        """Return all checked pairs closer than their margins in some row. See `collide`.
+
+        Pairs that were found are not checked in later rows.
+        """
+        found = list[int]()
+        try:
+            self._find_close(q, found, rows, check)
+        finally:
+            for place in found:
+                self._data.activateCollisionPair(place)
+        return [int(self._numbers[place]) for place in found]
+
     @abstractmethod
-    def close_pairs_at(self, q: Array) -> list[int]:
-        """Return all checked pairs closer than their margins in one row (1, nq)."""
+    def _find_close(self, q: Array, found: list[int], rows: int, check: Callable[[], None]) -> None:
+        """Deactivate the close pairs, and append their indices in the geometry to `found`."""
 
 
 class _AllBoxes(_Part):
@@ -172,7 +172,7 @@ class _AllBoxes(_Part):
     """
 
     def __init__(self, scene: PlanningScene, numbers: NDArray[np.intp]) -> None:
-        data = scene.hulls.createData()
+        data = pin.GeometryData(scene.hulls)
         super().__init__(scene.hulls, scene.ends(scene.hulls), data, numbers)
         model, hulls = scene.kinematics, scene.hulls
         self._placed = model, model.createData(), hulls, data
@@ -196,23 +196,20 @@ class _AllBoxes(_Part):
                     break
         return hits
 
-    def close_pairs_at(self, q: Array) -> list[int]:
-        """Return all checked pairs closer than their margins in one row (1, nq).
-
-        Each check finds one pair. To read the results of all pairs would take longer.
-        """
-        first, places = self._first, list[int]()
-        pin.updateGeometryPlacements(*self._placed, q[0])
-        self._boxes.update(False)
-        self._boxes.collide(first)
-        while first.collision:
-            places.append(first.collisionPairIndex)
-            self._data.deactivateCollisionPair(places[-1])
-            first.init()
+    def _find_close(self, q: Array, found: list[int], rows: int, check: Callable[[], None]) -> None:
+        # Each check finds one pair. To read the results of all pairs would take longer.
+        first, period = self._first, min(rows, _ROWS)
+        for i, row in enumerate(q):
+            if not i % period:
+                check()
+            pin.updateGeometryPlacements(*self._placed, row)
+            self._boxes.update(False)
             self._boxes.collide(first)
-        for place in places:
-            self._data.activateCollisionPair(place)
-        return [int(self._numbers[place]) for place in places]
+            while first.collision:
+                found.append(first.collisionPairIndex)
+                self._data.deactivateCollisionPair(found[-1])
+                first.init()
+                self._boxes.collide(first)
 
 
 class _Pool(_Part):
@@ -235,14 +232,20 @@ class _Pool(_Part):
     def collisions(self, q: Array, stop: bool, rows: int, check: Callable[[], None]) -> Mask:
         return collide(self._pool, q, stop, rows, check)
 
-    def close_pairs_at(self, q: Array) -> list[int]:
+    def _find_close(self, q: Array, found: list[int], rows: int, check: Callable[[], None]) -> None:
         places = self._own.nonzero()[0].tolist()
-        results = [self._results[place] for place in places]
-        for result in results:
-            result.clear()  # a check with boxes does not reset the results of distant pairs
-        pin.computeCollisionsInParallel(1, self._pool, q.T, False)
-        pairs = zip(places, results, strict=True)
-        return [int(self._numbers[place]) for place, result in pairs if result.isCollision()]
+        while len(q):
+            results = [self._results[place] for place in places]
+            for result in results:
+                result.clear()  # a check with boxes does not reset the results of distant pairs
+            pin.computeCollisionsInParallel(1, self._pool, q[:1].T, False)
+            pairs = zip(places, results, strict=True)
+            new = [place for place, result in pairs if result.isCollision()]
+            for place in new:
+                self._data.deactivateCollisionPair(place)
+            found += new
+            places = [place for place in places if place not in new]
+            q = q[1:][self.collisions(q[1:], False, rows, check)]
 
 
 def _boxed_pairs(scene: PlanningScene) -> Mask:

@@ -93,7 +93,7 @@ class CollisionChecker:
 
     @cached_property
     def _placed(self) -> pin.GeometryData:
-        return self.scene.exact.createData()
+        return pin.GeometryData(self.scene.exact)
 
     @cached_property
     def _containment(self) -> ContainmentChecker:
@@ -171,11 +171,13 @@ class CollisionChecker:
         Raises:
             NotFinite: A position is NaN or infinite.
         """
-        hit = self.first_collision(configurations, margin)
-        if not (self.scene.volumes and self._containment):
-            return hit
-        before = enumerate(self._coordinates(configurations[:hit]))
-        return next((i for i, q in before if self._containment.pairs(q)), hit)
+        q, broad = self._coordinates(configurations), self._all_hulls
+        broad.set_margin(self.pairs, margin)
+        # The hull of a mesh also contains the shapes inside it, so only doubts are checked.
+        for row in broad.collisions(q, stop=False).nonzero()[0].tolist():
+            if self._collides(q[row], margin, self.pairs) or self._containment.pairs(q[row]):
+                return int(row)
+        return None
 
     def first_invalid_contact(
         self, configurations: Array, margin: float
@@ -303,7 +305,7 @@ class CollisionChecker:
         """Return the pairs with hulls closer than a margin [m] in some configuration (N, A)."""
         q, broad = self._coordinates(configurations), self._all_hulls
         broad.set_margin(self.pairs, margin)
-        return broad.close_pairs(q[broad.collisions(q, stop=False)])
+        return broad.close_pairs(q)
 
     def hulls_near(self, configurations: Array, margin: float, pairs: frozenset[int]) -> Mask:
         """Return True for each configuration with hulls closer than a margin (N,).
@@ -353,9 +355,9 @@ class CollisionChecker:
         if pairs is self.pairs:
             if narrow.touch(doubt):
                 return True
-            close = broad.close_pairs_at(doubt[None, :])
+            close = broad.close_pairs(doubt[None, :])
         else:
-            close = broad.close_pairs_at(doubt[None, :])
+            close = broad.close_pairs(doubt[None, :])
             narrow.place(doubt)
             if narrow.meshes_touch(close):
                 return True

@@ -34,13 +34,12 @@ class ContainmentChecker:
     def __init__(self, scene: PlanningScene, data: pin.Data, placed: pin.GeometryData) -> None:
         self._scene, self._data, self._placed = scene, data, placed
         shapes = [shape.geometry for shape in scene.exact.geometryObjects]
-        rows = [
-            (k, mesh, other)
-            for k, (first, second) in enumerate(scene.ends(scene.exact).tolist())
-            for mesh, other in ((first, second), (second, first))
-            if mesh in scene.volumes and not isinstance(shapes[other], coal.Halfspace)
-        ]
-        self._pairs, self._meshes, self._others = np.array(rows, dtype=np.intp).reshape(-1, 3).T
+        ends, count = scene.ends(scene.exact), len(shapes)
+        solid = np.isin(np.arange(count), list(scene.volumes))
+        bounded = np.array([not isinstance(shape, coal.Halfspace) for shape in shapes], bool)
+        meshes, others = np.hstack((ends, ends[:, ::-1])).reshape(-1, 2).T
+        rows = (solid[meshes] & bounded[others]).nonzero()[0]
+        self._pairs, self._meshes, self._others = rows // 2, meshes[rows], others[rows]
         self.mesh_pairs = frozenset(self._pairs.tolist())
         self._points = np.array([_point_of(shape) for shape in shapes]).reshape(-1, 3)
         boxes = [(shape.aabb_local.min_, shape.aabb_local.max_) for shape in shapes]
@@ -60,9 +59,8 @@ class ContainmentChecker:
             return []
         scene = self._scene
         pin.updateGeometryPlacements(scene.kinematics, self._data, scene.exact, self._placed, q)
-        poses = [self._placed.oMg[i] for i in range(len(self._points))]
-        rotations = np.array([pose.rotation for pose in poses])
-        origins = np.array([pose.translation for pose in poses])
+        poses = np.array([pose.homogeneous for pose in self._placed.oMg.tolist()])
+        rotations, origins = poses[:, :3, :3], poses[:, :3, 3]
         points = origins + np.einsum("gij,gj->gi", rotations, self._points)
         offsets = points[self._others] - origins[self._meshes]
         local = np.einsum("kji,kj->ki", rotations[self._meshes], offsets)

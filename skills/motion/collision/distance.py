@@ -52,7 +52,7 @@ class SignedDistance:
     ) -> None:
         self._scene, self._data, self._placed = scene, data, placed
         self._containment, self._check = containment, check
-        self._placed_hulls = scene.hulls.createData()
+        self._placed_hulls = pin.GeometryData(scene.hulls)
         pairs = {links: k for k, links in enumerate(scene.linked_pairs(scene.hulls))}
         self._hull_pairs = [pairs[links] for links in scene.linked_pairs(scene.exact)]
 

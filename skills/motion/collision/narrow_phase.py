@@ -53,7 +53,7 @@ class NarrowPhase:
 
     @cached_property
     def _placed_hulls(self) -> pin.GeometryData:
-        return self._scene.hulls.createData()
+        return pin.GeometryData(self._scene.hulls)
 
     def place(self, q: Array) -> None:
         """Place the shapes as in a configuration (nq,), for `meshes_touch` and `are_close`."""

@@ -101,12 +101,15 @@ class PlanningScene:
             volumes.append(volume)
             arms.append(model.lever_arms_of(hull))
         self.volumes = {i: volume for i, volume in enumerate(volumes) if volume}
-        for geometry in self.exact, self.hulls:
-            self._add_floor(geometry, robot.collision)
-            for shape in geometry.geometryObjects:
-                shape.geometry.computeLocalAABB()  # coal needs the boxes for its first guess
-        self._exact_ends = self._add_pairs(self.exact, robot.collision, MAX_EXACT_PAIRS)
-        self._hull_ends = self._add_pairs(self.hulls, robot.collision, MAX_HULL_PAIRS)
+        if robot.collision.floor is not None:
+            half = coal.Halfspace(np.array([0.0, 0.0, 1.0]), robot.collision.floor)
+            half.computeLocalAABB()
+            for geometry in self.exact, self.hulls:
+                floor = pin.GeometryObject(FLOOR, 0, 0, pin.SE3.Identity(), half)
+                geometry.addGeometryObject(floor)
+        checked = self._checked_links(robot.collision)
+        self._exact_ends = self._add_pairs(self.exact, checked, MAX_EXACT_PAIRS)
+        self._hull_ends = self._add_pairs(self.hulls, checked, MAX_HULL_PAIRS)
         arms += [model.floor_lever_arms] * (len(self.hulls.geometryObjects) - len(arms))
         self.lever_arms = travel_bounds(robot, arms, self._hull_ends)
 
@@ -193,7 +196,9 @@ class PlanningScene:
             mesh = meshes.load(body.shape)
             self._loaded.append(mesh)
             return placed(mesh.shape), placed(mesh.hull), mesh.volume
-        exact = placed(_primitive(body.shape))
+        primitive = _primitive(body.shape)
+        primitive.computeLocalAABB()  # coal needs the box of each shape for its first guess
+        exact = placed(primitive)
         return exact, exact, None
 
     def _check_names(self) -> None:
@@ -207,21 +212,21 @@ class PlanningScene:
                 there = links | self._bodies.keys() - {name}
                 raise BadWorld(f"{what}; choose from {', '.join(sorted(there))}")
 
-    def _add_floor(self, geometry: pin.GeometryModel, rules: CollisionRules) -> None:
-        if rules.floor is not None:
-            half = coal.Halfspace(np.array([0.0, 0.0, 1.0]), rules.floor)
-            geometry.addGeometryObject(pin.GeometryObject(FLOOR, 0, 0, pin.SE3.Identity(), half))
-
-    def _add_pairs(
-        self, geometry: pin.GeometryModel, rules: CollisionRules, most: int
-    ) -> NDArray[np.intp]:
+    def _add_pairs(self, geometry: pin.GeometryModel, checked: Mask, most: int) -> NDArray[np.intp]:
         """Set the pairs of shapes to check. Return the indices of their two shapes (P, 2).
+
+        Args:
+            geometry: The shapes.
+            checked: True for each pair of `hull_links` to check (H, H).
+            most: Largest number of pairs.
 
         Raises:
             BadWorld: There are more than `most` pairs.
         """
-        checked = self._checked_pairs(geometry, self._links(geometry), rules)
-        ends = np.argwhere(checked)
+        rows = {link: row for row, link in enumerate(self.hull_links)}
+        links = np.array([rows[link] for link in self._links(geometry)], dtype=np.intp)
+        pairs = np.triu(checked[np.ix_(links, links)], 1)
+        ends = np.argwhere(pairs)
         if len(ends) > most:
             parts = len(geometry.geometryObjects) - len(self._bodies)
             raise BadWorld(
@@ -229,30 +234,28 @@ class PlanningScene:
                 f"{most} pairs to check; give fewer bodies, or list pairs of links that can "
                 "never touch as `allowed` in the robot file"
             )
-        geometry.setCollisionPairs(checked, True)
+        geometry.setCollisionPairs(pairs, True)
         return ends
 
-    def _checked_pairs(
-        self, geometry: pin.GeometryModel, links: list[str], rules: CollisionRules
-    ) -> Mask:
-        """Return a matrix (G, G) of all shapes: True for each pair to check, above the diagonal."""
-        joints = np.array([shape.parentJoint for shape in geometry.geometryObjects], dtype=np.intp)
-        numbers = {link: number for number, link in enumerate(dict.fromkeys(links))}
-        may_touch = np.zeros((len(numbers), len(numbers)), bool)
-        touches = [(body.name, link) for body in self._bodies.values() for link in body.touches]
-        for pair in (*touches, *(pair for pair in rules.allowed if FLOOR not in pair)):
-            ends = [numbers[link] for link in pair if link in numbers]
-            if len(ends) == 2:
-                may_touch[ends[0], ends[1]] = True
-        may_touch |= may_touch.T
-        rows = [numbers[link] for link in links]
-        # Shapes on one joint never move against each other.
+    def _checked_links(self, rules: CollisionRules) -> Mask:
+        """Return a symmetric matrix of all `hull_links`: True for each pair to check (H, H)."""
+        links = self.hull_links
+        joints = np.array([hull.parentJoint for hull in self.hulls.geometryObjects], dtype=np.intp)
+        rows = {link: row for row, link in enumerate(links)}
+        # Hulls on one joint never move against each other.
         checked: Mask = joints[:, None] != joints
-        if FLOOR in numbers:
+        if FLOOR in rows:
             static = [name in self._bodies and not j for name, j in zip(links, joints, strict=True)]
             ignored = [link in rules.floor_ignores for link in links]
-            checked[:, links.index(FLOOR)] = ~np.logical_or(static, ignored)
-        return np.triu(checked & ~may_touch[np.ix_(rows, rows)], 1)
+            checked[-1] = checked[:, -1] = ~np.logical_or(static, ignored)
+            checked[-1, -1] = False
+        touches = [(body.name, link) for body in self._bodies.values() for link in body.touches]
+        pairs = [*touches, *(pair for pair in rules.allowed if FLOOR not in pair)]
+        ends = [[rows[link] for link in pair if link in rows] for pair in pairs]
+        both = np.array([pair for pair in ends if len(pair) == 2], dtype=np.intp).reshape(-1, 2)
+        first, second = both.T
+        checked[first, second] = checked[second, first] = False
+        return checked
 
 
 def part_of(

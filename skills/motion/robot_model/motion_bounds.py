@@ -108,14 +108,16 @@ def travel_bounds(robot: Robot, shapes: Sequence[LeverArms], ends: NDArray[np.in
         if joint.mimic:
             leader, _ = columns[joint.mimic.leader]
             columns[joint.name] = leader, abs(joint.mimic.multiplier)
-    travels = np.zeros((len(ends), len(robot.actuated)))
-    for name in sorted(set[str]().union(*shapes)):
+    names = sorted(set[str]().union(*shapes))
+    shares = np.zeros((len(names), len(robot.actuated)))
+    for row, name in enumerate(names):
         column, share = columns[name]
-        carried = np.array([name in arms for arms in shapes])[ends]
-        arms = np.array([arms.get(name, 0.0) for arms in shapes])[ends]
-        moves = carried[:, 0] != carried[:, 1]
-        travels[:, column] += np.where(moves, share * arms.sum(axis=1), 0.0)
-    return travels
+        shares[row, column] = share
+    # NaN: the joint does not carry the shape.
+    arms = np.array([[arms.get(name, np.nan) for name in names] for arms in shapes])
+    first, second = arms.reshape(len(shapes), len(names))[ends.T]
+    travels: Array = np.where(np.isnan(first) != np.isnan(second), np.fmax(first, second), 0.0)
+    return travels @ shares
 
 
 def _motion(model: pin.Model, data: pin.Data, joint: int) -> Array:

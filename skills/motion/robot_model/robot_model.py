@@ -80,6 +80,8 @@ class RobotModel:
             self.hulls = self._link_hulls()
         except (OSError, RuntimeError, ValueError) as error:
             raise ModelUnusable(urdf, _cause(error)) from error
+        for shape in self.exact + self.hulls:
+            shape.geometry.computeLocalAABB()  # coal needs the boxes for its first guess
         frames = self.kinematics.frames
         self.links = {f.name: i for i, f in enumerate(frames) if f.type == pin.FrameType.BODY}
         self.names = {frame.name for frame in frames} | {shape.name for shape in self.exact}

@@ -1,6 +1,7 @@
 """Boxes, in a tree or not, find the same collisions as checking one pair after another."""
 
 from collections.abc import Callable
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -39,10 +40,10 @@ def world(random: np.random.Generator, reach: float) -> World:
     return World(tuple(bodies))
 
 
-def configurations(robot: Robot, random: np.random.Generator, count: int) -> Array:
+def configurations(robot: Robot, random: np.random.Generator, number: int) -> Array:
     lower = [max(joint.lower, -np.pi) for joint in robot.actuated]
     upper = [min(joint.upper, np.pi) for joint in robot.actuated]
-    return random.uniform(lower, upper, (count, len(lower)))
+    return random.uniform(lower, upper, (number, len(lower)))
 
 
 @pytest.mark.slow
@@ -63,7 +64,7 @@ def test_boxes_miss_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
                 checker.set_margin(pairs, margin)
             hits = checker.collisions(q, stop=False)
             first = checker.collisions(q, stop=True).argmax()
-            found.append((hits, checker.close_pairs(q[hits]), int(first)))
+            found.append((hits, checker.close_pairs(q), int(first)))
         return found
 
     draws = random.uniform(0.0, 0.1, len(every))
@@ -74,6 +75,27 @@ def test_boxes_miss_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
             assert hits.any()
             assert (hits == hits_).all()
             assert (pairs, first) == (pairs_, first_)
+
+
+@pytest.mark.parametrize("boxes", [False, True])
+def test_after_an_interrupted_search_for_close_pairs_all_pairs_are_checked(boxes: bool) -> None:
+    robot, random = load_robot(), np.random.default_rng(3)
+    scene, calls = PlanningScene(robot, world(random, 0.3)), count()
+    q = scene.robot_model.coordinates(configurations(robot, random, 300)).T
+
+    def check() -> None:
+        if next(calls) == 1:
+            raise TimeoutError
+
+    def checker(check: Callable[[], None]) -> BroadPhase:
+        made = BroadPhase(scene, boxes, check)
+        made.set_margin(frozenset(range(len(scene.hulls.collisionPairs))), 0.01)
+        return made
+
+    interrupted = checker(check)
+    with pytest.raises(TimeoutError):
+        interrupted.close_pairs(q)
+    assert interrupted.close_pairs(q) == checker(lambda: None).close_pairs(q)
 
 
 def test_as_few_pools_of_exact_shapes_as_one_find_the_same_collisions(
