@@ -20,6 +20,7 @@ BATCH = 500  # configurations per call
 MAX_PRIMITIVE_PAIRS, MAX_MESH_PAIRS = 8000, 2000
 # Largest number of shapes for which a comparison of all boxes is faster than a tree of boxes.
 FEW_SHAPES = 64
+_FEW_PAIRS = 12  # largest number of pairs that are checked without boxes in a small scene
 _ROWS = 32  # most rows between two checks of the deadline, if all boxes are compared
 
 
@@ -164,54 +165,6 @@ class _Part(ABC):
         """Deactivate the close pairs, and append their indices in the geometry to `found`."""
 
 
-class _AllBoxes(_Part):
-    """Compares the boxes of all hulls, row by row. For few shapes, it is faster than a pool.
-
-    `pin.computeCollisions` does a row's three steps in one call, but takes longer to find out which
-    kind of boxes it has.
-    """
-
-    def __init__(self, scene: PlanningScene, numbers: NDArray[np.intp]) -> None:
-        data = pin.GeometryData(scene.hulls)
-        super().__init__(scene.hulls, scene.ends(scene.hulls), data, numbers)
-        model, hulls = scene.kinematics, scene.hulls
-        self._placed = model, model.createData(), hulls, data
-        self._boxes = pin.BroadPhaseManager_NaiveCollisionManager(model, hulls, data)
-        self._first = pin.CollisionCallBackDefault(hulls, data, True)
-
-    def collisions(self, q: Array, stop: bool, rows: int, check: Callable[[], None]) -> Mask:
-        place, placed, first = pin.updateGeometryPlacements, self._placed, self._first
-        update, collide = self._boxes.update, self._boxes.collide
-        hits, period = np.zeros(len(q), bool), min(rows, _ROWS)
-        for i, row in enumerate(q):
-            if not i % period:
-                check()
-            place(*placed, row)
-            update(False)
-            collide(first)
-            if first.collision:
-                first.init()
-                hits[i] = True
-                if stop:
-                    break
-        return hits
-
-    def _find_close(self, q: Array, found: list[int], rows: int, check: Callable[[], None]) -> None:
-        # Each check finds one pair. To read the results of all pairs would take longer.
-        first, period = self._first, min(rows, _ROWS)
-        for i, row in enumerate(q):
-            if not i % period:
-                check()
-            pin.updateGeometryPlacements(*self._placed, row)
-            self._boxes.update(False)
-            self._boxes.collide(first)
-            while first.collision:
-                found.append(first.collisionPairIndex)
-                self._data.deactivateCollisionPair(found[-1])
-                first.init()
-                self._boxes.collide(first)
-
-
 class _Pool(_Part):
     """Checks of many rows in one call, with a tree of boxes or without boxes."""
 
@@ -246,6 +199,56 @@ class _Pool(_Part):
             found += new
             places = [place for place in places if place not in new]
             q = q[1:][self.collisions(q[1:], False, rows, check)]
+
+
+class _AllBoxes(_Pool):
+    """Compares the boxes of all hulls, row by row. For few shapes, it is faster than a tree.
+
+    `pin.computeCollisions` does a row's three steps in one call, but takes longer to find out which
+    kind of boxes it has. Few pairs are checked without boxes, because boxes take time for every
+    shape.
+    """
+
+    def __init__(self, scene: PlanningScene, numbers: NDArray[np.intp]) -> None:
+        super().__init__(scene, pin.GeometryPool, numbers)
+        model, hulls, data = scene.kinematics, scene.hulls, self._data
+        self._placed = model, model.createData(), hulls, data
+        self._boxes = pin.BroadPhaseManager_NaiveCollisionManager(model, hulls, data)
+        self._first = pin.CollisionCallBackDefault(hulls, data, True)
+
+    def collisions(self, q: Array, stop: bool, rows: int, check: Callable[[], None]) -> Mask:
+        if np.count_nonzero(self._own) <= _FEW_PAIRS:
+            return super().collisions(q, stop, rows, check)
+        place, placed, first = pin.updateGeometryPlacements, self._placed, self._first
+        update, collide = self._boxes.update, self._boxes.collide
+        hits, period = np.zeros(len(q), bool), min(rows, _ROWS)
+        for i, row in enumerate(q):
+            if not i % period:
+                check()
+            place(*placed, row)
+            update(False)
+            collide(first)
+            if first.collision:
+                first.init()
+                hits[i] = True
+                if stop:
+                    break
+        return hits
+
+    def _find_close(self, q: Array, found: list[int], rows: int, check: Callable[[], None]) -> None:
+        # Each check finds one pair. To read the results of all pairs would take longer.
+        first, period = self._first, min(rows, _ROWS)
+        for i, row in enumerate(q):
+            if not i % period:
+                check()
+            pin.updateGeometryPlacements(*self._placed, row)
+            self._boxes.update(False)
+            self._boxes.collide(first)
+            while first.collision:
+                found.append(first.collisionPairIndex)
+                self._data.deactivateCollisionPair(found[-1])
+                first.init()
+                self._boxes.collide(first)
 
 
 def _boxed_pairs(scene: PlanningScene) -> Mask:

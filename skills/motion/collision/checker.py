@@ -18,7 +18,7 @@ from skills.motion.arrays import Array, Mask
 from skills.motion.deadline import Deadline
 from skills.motion.errors import NotFinite
 
-from .broad_phase import BATCH, BroadPhase
+from .broad_phase import BATCH, FEW_SHAPES, BroadPhase
 from .containment import ContainmentChecker
 from .distance import SignedDistance
 from .narrow_phase import NarrowPhase
@@ -89,6 +89,8 @@ class CollisionChecker:
 
     @cached_property
     def _some_hulls(self) -> BroadPhase:
+        if len(self.scene.hulls.geometryObjects) <= FEW_SHAPES:
+            return self._all_hulls
         return BroadPhase(self.scene, False, self._check)
 
     @cached_property
