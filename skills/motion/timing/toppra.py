@@ -30,7 +30,7 @@ _MAX_SPEED = 1e3  # bound on ds/dt at the tip of a cusp, where all joints stand 
 _NEGLIGIBLE = 1e-12  # coefficients of a strip below this share of the other one count as 0
 _MAX_STEPS = 100  # largest number of steps of Newton's method; it needs two or three
 _MAX_SOLUTIONS = 4  # largest number of solutions, each with lower bounds than the previous one
-_SLIGHTLY = 1.0001  # if a speed exceeds its limit by at most this factor, no more solutions follow
+_SLIGHTLY = 1.002  # if a speed exceeds its limit by at most this factor, no more solutions follow
 
 
 def time_section(
