@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from functools import cached_property
+from typing import Any
 
 import coal
 import numpy as np
@@ -44,12 +45,16 @@ class NarrowPhase:
 
     # Loaded at their first use: large worlds take milliseconds for each of these.
     @cached_property
-    def _boxes(self) -> object:  # pinocchio has no common type for its managers of boxes
+    def _boxes(self) -> Any:  # pinocchio has no common type for its managers of boxes
         if len(self._scene.exact.geometryObjects) <= FEW_SHAPES:
             kind = pin.BroadPhaseManager_NaiveCollisionManager
         else:
             kind = pin.BroadPhaseManager_DynamicAABBTreeCollisionManager
         return kind(self._scene.kinematics, self._scene.exact, self._placed)
+
+    @cached_property
+    def _first(self) -> pin.CollisionCallBackDefault:
+        return pin.CollisionCallBackDefault(self._scene.exact, self._placed, True)
 
     @cached_property
     def _placed_hulls(self) -> pin.GeometryData:
@@ -62,8 +67,13 @@ class NarrowPhase:
 
     def touch(self, q: Array) -> bool:
         """Place the shapes like `place`. Return True if shapes touch. May miss the floor."""
-        model, joints = self._scene.kinematics, self._joints
-        return bool(pin.computeCollisions(model, joints, self._boxes, q, True))
+        self.place(q)
+        boxes, first = self._boxes, self._first
+        boxes.update(False)
+        boxes.collide(first)
+        touching = bool(first.collision)
+        first.init()
+        return touching
 
     def meshes_touch(self, pairs: Iterable[int]) -> bool:
         """Return True if the meshes of a pair of `scene.hulls` touch."""
