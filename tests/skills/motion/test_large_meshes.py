@@ -49,7 +49,7 @@ class Call(NamedTuple):
 @pytest.fixture
 def calls(monkeypatch: pytest.MonkeyPatch) -> list[Call]:
     """All calls from now on."""
-    made, ask, ask_one = list[Call](), pin.computeCollisionsInParallel, pin.computeCollisions
+    made, ask = list[Call](), pin.computeCollisionsInParallel
     place = pin.updateGeometryPlacements
 
     def noted(threads: int, pool: pin.GeometryPool, q: Any, *rest: bool) -> Any:
@@ -57,20 +57,12 @@ def calls(monkeypatch: pytest.MonkeyPatch) -> list[Call]:
         made.append(Call(q.shape[1], pairs, _meshed(pool.getGeometryModels()[0])))
         return ask(threads, pool, q, *rest)
 
-    def noted_one(*given: Any) -> Any:
-        broad = hasattr(given[2], "getGeometryModel")  # a broad phase, or the model itself
-        geometry = given[2].getGeometryModel() if broad else given[2]
-        made.append(Call(1, len(geometry.collisionPairs), _meshed(geometry)))
-        return ask_one(*given)
-
-    def noted_boxes(*given: Any) -> None:  # of hulls: their boxes are compared next
-        if not _meshed(given[2]):
-            made.append(Call(1, len(given[2].collisionPairs), False))
+    def noted_boxes(*given: Any) -> None:  # the shapes' boxes are compared next
+        made.append(Call(1, len(given[2].collisionPairs), _meshed(given[2])))
         place(*given)
 
     monkeypatch.setattr(pin, "updateGeometryPlacements", noted_boxes)
     monkeypatch.setattr(pin, "computeCollisionsInParallel", noted)
-    monkeypatch.setattr(pin, "computeCollisions", noted_one)
     return made
 
 
