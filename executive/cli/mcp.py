@@ -8,9 +8,8 @@ import click
 
 from .settings import Whole
 from .support.command_group import command
-from .support.interrupts import signal_status
 from .support.options import robot_option, server_option
-from .support.process import end_process
+from .support.process import end_process, signal_status
 from .terminal.streams import echo
 
 

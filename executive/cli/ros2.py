@@ -6,9 +6,8 @@ from pathlib import Path
 import click
 
 from .support.command_group import command
-from .support.interrupts import signal_status
 from .support.options import robot_option, server_option
-from .support.process import replace_process
+from .support.process import replace_process, signal_status
 from .terminal.streams import echo
 
 

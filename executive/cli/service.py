@@ -3,7 +3,6 @@
 import os
 import shlex
 import shutil
-import subprocess
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -136,6 +135,8 @@ def _perform(steps: Sequence["Step"], dry_run: bool, yes: bool) -> None:
         raise Refusal(f"nothing was changed; not installed: {', '.join(sorted(missing))}")
     if not yes:
         click.confirm("Write these files and run these commands?", abort=True, err=True)
+    import subprocess
+
     for step in steps:
         if isinstance(step, NewFile):
             write_file(step.path, step.text.encode())

@@ -13,7 +13,7 @@ from executive.api.codes import INTERRUPTED_EXIT
 from executive.cli.terminal.full_screen import last_words, suspend
 from hardware import Clock, RealClock
 
-from .process import end_process
+from .process import end_process, signal_status
 
 T = TypeVar("T")
 
@@ -144,11 +144,6 @@ class Interrupts:
 
 def _do_nothing(number: int, frame: FrameType | None) -> None:
     """Let Python write the signal to the pipe."""
-
-
-def signal_status(number: int) -> int:
-    r"""Return the exit status of a command that a signal ends. Ctrl-\ has the status of Ctrl-C."""
-    return INTERRUPTED_EXIT if number == signal.SIGQUIT else 128 + number
 
 
 def _hangup_ignored(number: signal.Signals) -> bool:

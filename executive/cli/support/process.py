@@ -11,6 +11,8 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from executive.api.codes import INTERRUPTED_EXIT
+
 NICE = -10  # niceness that the process requests
 # Longest time that a busy thread runs before the streamer or a stop gets the interpreter [s].
 _SWITCH = 0.0005
@@ -63,6 +65,11 @@ def _refusing(name: str, call: Callable[..., Any], why: str) -> Callable[..., An
         raise SystemExit(f"os.{name} {why}")
 
     return refuse
+
+
+def signal_status(number: int) -> int:
+    r"""Return the exit status of a command that a signal ends. Ctrl-\ has the status of Ctrl-C."""
+    return INTERRUPTED_EXIT if number == signal.SIGQUIT else 128 + number
 
 
 def make_punctual() -> None:

@@ -34,14 +34,16 @@ LIBRARIES = {
     # Starlette imports python_multipart if another package brings it.
     "serve": RUN | SERVER | {"anyio", "h11", "python_multipart", "typing_extensions"},
 }
-# Folders of this project that a command leaves alone. What a run needs, it needs.
+# Folders of this project, and modules, that a command leaves alone. What a run needs, it needs.
 UNUSED = {
     "--help": {
+        "concurrent.futures",
         "executive.api.token_file",
         "executive.client",
         "hardware.description",
         "logs",
         "skills",
+        "subprocess",
         "trees",
     },
     "stop": {"executive.goals", "hardware.description", "logs.reading", "skills", "trees.reading"},
