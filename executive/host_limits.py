@@ -6,9 +6,9 @@ import resource
 from hardware import HostLimit
 
 # Descriptors that are opened later (measured): the port, the recordings of a session and of a goal,
-# a compaction, starts of planners, and a connection that is accepted before another one is closed.
-_RESERVED = 16
-_PER_PLANNER = 2
+# a compaction, a start of planners, and a connection that is accepted before another one is closed.
+_RESERVED = 20
+_PER_PLANNER = 4
 _ADVISED = 1024  # smallest advised limit of open files
 
 

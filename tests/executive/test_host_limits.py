@@ -55,13 +55,13 @@ def test_open_files_are_checked() -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
     taken = len(os.listdir("/proc/self/fd"))
     try:
-        resource.setrlimit(resource.RLIMIT_NOFILE, (taken + 18, hard))
+        resource.setrlimit(resource.RLIMIT_NOFILE, (taken + 24, hard))
         check_host(1)
         assert spare_files(1, most=5) == 0
-        with pytest.raises(HostLimit, match=f"may open {taken + 18} .* needs {taken + 20}; .*1024"):
+        with pytest.raises(HostLimit, match=f"may open {taken + 24} .* needs {taken + 26}; .*1024"):
             spare_files(1, least=2, most=5)
-        resource.setrlimit(resource.RLIMIT_NOFILE, (taken + 17, hard))
-        with pytest.raises(HostLimit, match=f"needs {taken + 18};"):
+        resource.setrlimit(resource.RLIMIT_NOFILE, (taken + 23, hard))
+        with pytest.raises(HostLimit, match=f"needs {taken + 24};"):
             check_host(1)
     finally:
         resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))

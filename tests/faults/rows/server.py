@@ -223,7 +223,7 @@ def read_all(server: Server, name: str, over: threading.Event, answers: list[int
 
 @row(
     "descriptors",
-    "`ulimit -n 30`, and 40 idle connections",
+    "`ulimit -n 36`, and 40 idle connections",
     "stops and goals are answered, and the log stays below 10 KiB; with 20, the server does not "
     "start, and one line says what it needs",
     limit=50,
@@ -233,7 +233,7 @@ def read_all(server: Server, name: str, over: threading.Event, answers: list[int
 )
 def descriptors(scene: Scene) -> None:
     board = scene.board()
-    server = scene.serve("--activate", board=board, limits={resource.RLIMIT_NOFILE: 30})
+    server = scene.serve("--activate", board=board, limits={resource.RLIMIT_NOFILE: 36})
     with contextlib.ExitStack() as stack:
         for _ in range(40):
             stack.enter_context(socket.create_connection(server.address))
