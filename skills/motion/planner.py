@@ -31,7 +31,7 @@ from .arrays import Array, joint_positions, norms
 from .collision.body_meshes import BodyMeshes
 from .collision.checker import CollisionChecker
 from .collision.endpoint_checker import EndpointChecker
-from .collision.planning_scene import FLOOR, PlanningScene
+from .collision.planning_scene import PlanningScene
 from .collision.start_contacts import StartContacts
 from .deadline import Deadline, Stopwatch
 from .errors import BadQuery, ContactDeepened, MotionCollides, StartInCollision, TooLong
@@ -46,7 +46,7 @@ from .path.shortcut import shortcut
 from .path.single_via_point import find_bend, find_corner
 from .query import Answer, Carry, Query, Reached, Request, Rest, ToolQuery, Verify, check_types
 from .robot_model.joint_group import JointGroup
-from .robot_model.robot_model import RobotModel
+from .robot_model.robot_model import FLOOR, RobotModel
 from .timing.retime_after_pause import remaining_plan
 from .timing.time_parameterization import time_curve
 from .trajectory.curve import Curve

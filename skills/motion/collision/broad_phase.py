@@ -18,6 +18,8 @@ BATCH = 500  # configurations per call
 # Largest number of pairs per call, because a call cannot be interrupted: a few milliseconds for
 # hulls around boxes and cylinders, and for hulls around meshes.
 MAX_PRIMITIVE_PAIRS, MAX_MESH_PAIRS = 8000, 2000
+# Smaller margins count as this one: at 0, coal misses overlaps of shapes with parallel axes [m].
+LEAST_MARGIN = 1e-6
 # Largest number of shapes for which a comparison of all boxes is faster than a tree of boxes.
 FEW_SHAPES = 64
 _FEW_PAIRS = 12  # largest number of pairs that are checked without boxes in a small scene
@@ -59,7 +61,7 @@ class BroadPhase:
             for kind, own in (tree, boxed), (pin.GeometryPool, ~boxed):
                 if own.any():
                     self._parts.append(_Pool(scene, kind, own.nonzero()[0]))
-        self._margins, self._margin, self._count = np.zeros(count), 0.0, count
+        self._margins, self._margin, self._count = np.zeros(count), math.nan, count
         self._pairs = frozenset(range(count))
 
     def set_margins(self, pairs: frozenset[int], margins: Array) -> None:
@@ -95,7 +97,7 @@ class BroadPhase:
         return np.logical_or(*parts) if parts else np.zeros(len(q), bool)
 
     def close_pairs(self, q: Array) -> frozenset[int]:
-        """Return all pairs closer than the margin in some row (N, nq)."""
+        """Return all checked pairs closer than the margin in some row (N, nq)."""
         active = [part for part in self._parts if part.active]
         return frozenset[int]().union(
             *(part.close_pairs(q, self._rows, self._check) for part in active)
@@ -134,7 +136,7 @@ class _Part(ABC):
 
     def set_margins(self, margins: Array) -> None:
         """Set the margin of each pair of the scene (P,) [m]."""
-        self._margins[self._ends] = margins[self._numbers]
+        self._margins[self._ends] = np.maximum(margins[self._numbers], LEAST_MARGIN)
         self._data.setSecurityMargins(self._geometry, self._margins, True, False)
 
     def activate(self, active: Mask) -> None:
@@ -193,10 +195,10 @@ class _Pool(_Part):
                 result.clear()  # a check with boxes does not reset the results of distant pairs
             pin.computeCollisionsInParallel(1, self._pool, q[:1].T, False)
             pairs = zip(places, results, strict=True)
-            new = [place for place, result in pairs if result.isCollision()]
+            new = {place for place, result in pairs if result.isCollision()}
+            found += new
             for place in new:
                 self._data.deactivateCollisionPair(place)
-            found += new
             places = [place for place in places if place not in new]
             q = q[1:][self.collisions(q[1:], False, rows, check)]
 
@@ -229,7 +231,6 @@ class _AllBoxes(_Pool):
             update(False)
             collide(first)
             if first.collision:
-                first.init()
                 hits[i] = True
                 if stop:
                     break
@@ -247,7 +248,6 @@ class _AllBoxes(_Pool):
             while first.collision:
                 found.append(first.collisionPairIndex)
                 self._data.deactivateCollisionPair(found[-1])
-                first.init()
                 self._boxes.collide(first)
 
 

@@ -10,7 +10,7 @@ import pinocchio as pin
 
 from skills.motion.arrays import Array, Mask
 
-from .broad_phase import BATCH, FEW_SHAPES, collide
+from .broad_phase import BATCH, FEW_SHAPES, LEAST_MARGIN, collide
 from .planning_scene import PlanningScene, ShapePairs, part_of
 
 _CONTACT = coal.CollisionRequest()
@@ -71,9 +71,7 @@ class NarrowPhase:
         boxes, first = self._boxes, self._first
         boxes.update(False)
         boxes.collide(first)
-        touching = bool(first.collision)
-        first.init()
-        return touching
+        return bool(first.collision)
 
     def meshes_touch(self, pairs: Iterable[int]) -> bool:
         """Return True if the meshes of a pair of `scene.hulls` touch."""
@@ -86,7 +84,7 @@ class NarrowPhase:
             pairs: Pairs of `scene.hulls`.
             margin: Distance to keep [m].
         """
-        self._close.security_margin = margin
+        self._close.security_margin = max(margin, LEAST_MARGIN)
         return any(self._collide(pair, self._close) for pair in pairs)
 
     def collisions(self, q: Array, pair: int, margin: float, stop: bool) -> Mask:
@@ -103,7 +101,7 @@ class NarrowPhase:
         hits = np.zeros(len(q), bool)
         for i, row in enumerate(q):
             self.place(row)
-            hits[i] = self.meshes_touch([pair]) or (margin > 0.0 and self.are_close([pair], margin))
+            hits[i] = self.meshes_touch([pair]) or self.are_close([pair], margin)
             if stop and hits[i]:
                 break
         return hits
@@ -130,5 +128,5 @@ class NarrowPhase:
             part, _ = part_of(geometry, self._scene.ends(geometry)[pairs])
             self._pools[pair] = pin.GeometryPool(self._scene.kinematics, part, 1)
         for request in self._pools[pair].getGeometryData(0).collisionRequests:
-            request.security_margin = margin
+            request.security_margin = max(margin, LEAST_MARGIN)
         return self._pools[pair]

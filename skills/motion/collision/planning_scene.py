@@ -17,12 +17,11 @@ from skills.motion.arrays import Array, Mask
 from skills.motion.errors import BadWorld
 from skills.motion.robot_model.geometry import EnclosedVolume
 from skills.motion.robot_model.motion_bounds import travel_bounds
-from skills.motion.robot_model.robot_model import RobotModel
+from skills.motion.robot_model.robot_model import FLOOR, RobotModel
 from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Sphere, World, mesh_stamps
 
 from .body_meshes import BodyMesh, BodyMeshes
 
-FLOOR = "floor"
 # Largest numbers of pairs of hulls and of exact shapes. At both limits, a planner needs 1 GB.
 MAX_HULL_PAIRS, MAX_EXACT_PAIRS = 10_000, 40_000
 
@@ -244,7 +243,7 @@ class PlanningScene:
         rows = {link: row for row, link in enumerate(links)}
         # Hulls on one joint never move against each other.
         checked: Mask = joints[:, None] != joints
-        if FLOOR in rows:
+        if rules.floor is not None:
             static = [name in self._bodies and not j for name, j in zip(links, joints, strict=True)]
             ignored = [link in rules.floor_ignores for link in links]
             checked[-1] = checked[:, -1] = ~np.logical_or(static, ignored)

@@ -18,6 +18,7 @@ from skills.motion.validation import MAX_MAGNITUDE, is_number
 from .geometry import EnclosedVolume, convex_hull
 from .motion_bounds import LeverArms, floor_lever_arms, joint_axes, lever_arms
 
+FLOOR = "floor"  # name of the floor among the links
 # Joints that move, and collision shapes, of a robot that is planned for within seconds.
 _MAX_MOVING, _MAX_SHAPES = 100, 1000
 _LEAST_RATE = 1e-9  # smallest limit of velocity and acceleration of a joint [rad/s, rad/s2]
@@ -84,6 +85,8 @@ class RobotModel:
             shape.geometry.computeLocalAABB()  # coal needs the boxes for its first guess
         frames = self.kinematics.frames
         self.links = {f.name: i for i, f in enumerate(frames) if f.type == pin.FrameType.BODY}
+        if FLOOR in self.links:
+            raise ModelUnusable(urdf, f"a link is named {FLOOR}, like the floor; rename the link")
         self.names = {frame.name for frame in frames} | {shape.name for shape in self.exact}
         self.exact_links = [frames[shape.parentFrame].name for shape in self.exact]
         self.hull_links = [frames[shape.parentFrame].name for shape in self.hulls]

@@ -6,8 +6,9 @@ the acceleration of a joint is q' u + q'' x. The grid contains every break of th
 constant between two grid points. Between them, q' and x are linear in s and q'' is constant, so the
 acceleration is linear in s. An interval therefore keeps an acceleration limit if both its ends keep
 this limit, with the q'' of this interval. The speed q' sqrt(x) can be higher between two grid
-points than at both points. If it exceeds its limit between them, the bounds on x are lowered, and
-the problem is solved again. At the end, the whole motion is slowed down by the remaining excess.
+points than at both points. If it exceeds its limit between them by more than 0.2 %, the bounds on x
+are lowered, and the problem is solved again. At the end, the whole motion is slowed down by the
+remaining excess.
 
 Let y be the x at the upper end of an interval; then u = (y - x) / (2 step). Every limit is a strip
 |a x + b y| <= c. All pairs (x, y) that keep the limits of an interval are a convex polygon with the

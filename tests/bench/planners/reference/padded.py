@@ -20,7 +20,8 @@ import pinocchio as pin
 from hardware import Robot
 from hardware.description.meshes import find_mesh
 from skills.motion import Body, Box, Cylinder, Sphere, World
-from skills.motion.collision.planning_scene import FLOOR, PlanningScene, placement
+from skills.motion.collision.planning_scene import PlanningScene, placement
+from skills.motion.robot_model.robot_model import FLOOR
 
 
 @dataclass(frozen=True)

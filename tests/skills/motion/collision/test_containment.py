@@ -23,6 +23,8 @@ from skills.motion import (
     Verify,
     World,
 )
+from skills.motion.collision.checker import CollisionChecker
+from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 from skills.motion.robot_model.geometry import EnclosedVolume
 from tests.support.arms.robots import foreign
@@ -63,6 +65,17 @@ def test_a_body_inside_a_mesh_link_and_its_depth() -> None:
     assert caught.value.distance == pytest.approx(-0.043, abs=1e-5)
     with pytest.raises(GoalInCollision, match=r"upper_arm .* pea"):
         planner.plan(Query("arm", (0.0, 1.0, 0.0, 0.0, 0.0, 0.0), stand, world=pea))
+
+
+def test_bodies_inside_a_link_are_found_without_a_margin() -> None:
+    """coal misses overlaps of shapes with parallel axes at a margin of 0."""
+    robot, missed = foreign("six_axes"), []
+    for x, y, z in product((0.0, 0.01), (0.0, 0.01), np.linspace(0.25, 0.44, 20).round(3).tolist()):
+        pea = World((Body("pea", Sphere(0.003), (x, y, z)),))
+        checker = CollisionChecker(PlanningScene(robot, pea))
+        if checker.first_invalid(np.zeros((1, 6)), 0.0) is None:
+            missed.append((x, y, z))
+    assert missed == []
 
 
 @pytest.mark.parametrize(

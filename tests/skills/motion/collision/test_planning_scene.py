@@ -29,7 +29,8 @@ from skills.motion.collision.planning_scene import PlanningScene, part_of
 from skills.motion.planner import Planner
 from skills.motion.robot_model.geometry import corners
 from skills.motion.robot_model.motion_bounds import floor_lever_arms
-from tests.support.arms.robots import pair_file
+from tests.support.arms.robots import pair_file, robot_of
+from tests.support.arms.urdfs import urdf
 
 Array = NDArray[np.float64]
 
@@ -230,6 +231,13 @@ def test_unusable_urdf(robot: Robot, tmp_path: Path) -> None:
     broken.write_text("<robot name='x'><link name='a'/><link name='b'/></robot>")
     with pytest.raises(ModelUnusable, match=r"broken\.urdf is unusable for planning"):
         PlanningScene(dataclasses.replace(robot, urdf=broken))
+
+
+def test_no_link_is_named_like_the_floor(tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(urdf(["floor -> arm: revolute shoulder"]))
+    with pytest.raises(ModelUnusable, match=r"a link is named floor.*; rename the link"):
+        PlanningScene(robot_of(file))
 
 
 @pytest.mark.parametrize("other", ["joint_1", "universe", "nosuch"])
