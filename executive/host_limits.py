@@ -6,9 +6,10 @@ import resource
 from hardware import HostLimit
 
 # Descriptors that are opened later (measured): the port, the recordings of a session and of a goal,
-# a compaction, a start of planners, and a connection that is accepted before another one is closed.
+# a compaction, the process from which planners are forked, with a start of another one, and a
+# connection that is accepted before another one is closed.
 _RESERVED = 20
-_PER_PLANNER = 4
+_PER_PLANNER = 4  # two sockets, the output, and the process
 _ADVISED = 1024  # smallest advised limit of open files
 
 

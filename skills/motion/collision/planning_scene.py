@@ -251,8 +251,8 @@ class PlanningScene:
         touches = [(body.name, link) for body in self._bodies.values() for link in body.touches]
         pairs = [*touches, *(pair for pair in rules.allowed if FLOOR not in pair)]
         ends = [[rows[link] for link in pair if link in rows] for pair in pairs]
-        both = np.array([pair for pair in ends if len(pair) == 2], dtype=np.intp).reshape(-1, 2)
-        first, second = both.T
+        allowed = np.array([pair for pair in ends if len(pair) == 2], dtype=np.intp).reshape(-1, 2)
+        first, second = allowed.T
         checked[first, second] = checked[second, first] = False
         return checked
 
