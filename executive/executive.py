@@ -59,13 +59,10 @@ from .errors import (
 )
 from .goals.event_subscribers import EventSubscribers
 from .goals.executor import GoalExecutor
-from .goals.history import load_goal_history
 from .goals.mailbox import Mailbox
-from .goals.moves.move_task import move_text, poses_with_home, read_move
 from .goals.queue import GoalQueue
 from .goals.start_pose import StartPose
 from .goals.stop import GoalStopper
-from .recording.archive import archive_world
 from .recording.recorded_link import RecordedLink
 from .recording.recordings import Recordings
 from .setup import Setup
@@ -170,6 +167,8 @@ class Executive:
         """
         if not self.setup.single_user:
             utc = utc_ns(self.clock) / 1e9
+            from .goals.history import load_goal_history  # only a server needs it
+
             for goal in load_goal_history(self.setup.recordings, utc - self._queue.keep):
                 self._queue.add_ended(*goal)
             self._recordings.open_server_recording()
@@ -402,6 +401,8 @@ class Executive:
         Args:
             name: Name of the mesh in the record of a plan.
         """
+        from .recording.archive import archive_world  # slow to import
+
         for world in (self._context.scene.world, *self._planned_worlds):
             if attached := archive_world(world)[1].get(name):
                 return unpack(attached)[1]
@@ -483,6 +484,8 @@ class Executive:
 
     def _read_move(self, move: Move) -> tuple[Exception | None, str]:
         """Return the error of a move, or None; and the text of the move, empty for an error."""
+        from .goals.moves.move_task import move_text, poses_with_home, read_move
+
         try:
             library = self.library.latest
             poses, words = library.poses()[0], " ".join(move.words)

@@ -58,13 +58,13 @@ def open_executive(
     """
     check_host(setup.workers)
     robot, clock = setup.load_robot(), clock or RealClock()
-    library = _library(setup, robot)
     port = robot.serial.port if setup.port is None else setup.port
     with ExitStack() as stack:
         if link is None and port:
             link = robot.link(port)
             if setup.single_user and port == VIRTUAL:
                 _switch_on(link, stack)
+        library = _library(setup, robot)
         early = list(_tidy(setup, clock))
         for line in early:
             report(line.message)

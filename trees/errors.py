@@ -2,11 +2,12 @@
 
 import re
 from collections.abc import Collection, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import field, replace
 from pathlib import Path
 from typing import Self
 
 from hardware import ArmtreeError
+from hardware.loading.dataclass import dataclass
 from hardware.printable import excerpt, in_one_line
 from hardware.spelling import there_are, there_are_numbers
 

@@ -22,7 +22,6 @@ from trees.errors import BadArguments
 from .breakpoints import Breakpoints
 from .goal import Goal
 from .mailbox import Mailbox
-from .moves.move_task import draft_move
 from .queue import GoalQueue
 from .run_loop import Run, decide_outcome
 from .start_pose import StartPose
@@ -172,6 +171,8 @@ class GoalExecutor:
         """Validate a goal and build its tree, without the arm."""
         goal = attempt.goal
         if goal.text:
+            from .moves.move_task import draft_move  # tasks do not need it
+
             library, draft = self._library.latest, draft_move(goal.text)
         else:
             library, attempt.warning = self._library.for_task(goal.task)
@@ -243,9 +244,18 @@ class GoalExecutor:
         if self._arm.state is State.UNCONFIGURED:
             self._arm.configure()
         if self._arm.state is State.INACTIVE:
-            self._recordings.flush()  # the board boots next and may move the arm
-            # The planners load NumPy, and their processes start, while the board boots.
-            self._start_pose.activate(self._arm, self._pool.start)
+            try:
+                self._start_pose.activate(self._arm, self._prepare)
+            finally:
+                self._recordings.flush()  # the cause, if `_prepare` has stopped the activation
+
+    def _prepare(self) -> None:
+        """Load the planners and begin the recording while the board boots."""
+        self._pool.start()
+        try:
+            self._recordings.flush()
+        except logs.LogError:
+            self._arm.stop()  # without a recording, no command is sent
 
     def _discard(self, attempt: _Attempt) -> None:
         if attempt.tree:

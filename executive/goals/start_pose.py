@@ -117,7 +117,7 @@ def last_command(robot: Robot, recordings: Path) -> LastCommand | None:
 
 
 def _last_pose(
-    robot: Robot, names: tuple[str, ...], recording: logs.Recording
+    robot: Robot, names: tuple[str, ...], recording: "logs.Recording"
 ) -> tuple[float, ...] | None:
     """Return the positions at the end of the last motion, or at the last frame before a stop.
 

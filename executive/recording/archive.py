@@ -14,14 +14,17 @@ from dataclasses import asdict, replace
 from functools import cache, lru_cache
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from hardware import DescriptionError, Robot, load_robot, read_file
 from hardware.description.meshes import MAX_MESH_BYTES
 from hardware.description.urdf import UrdfError
 from hardware.loading.dataclass import dataclass
-from logs import Attachment, FileKept, Recording, RecordingError, pack
+from logs import Attachment, FileKept, RecordingError, pack
 from skills.motion import World
+
+if TYPE_CHECKING:
+    from logs import Recording
 
 _NOTE = "robot"
 _making = threading.Lock()  # else two threads could make two folders, despite the cache
@@ -91,7 +94,7 @@ def robot_note(robot: Robot, files: Mapping[str, bytes], meshes: RobotMeshes) ->
     }
 
 
-def restore_robot(recording: Recording) -> Robot:
+def restore_robot(recording: "Recording") -> Robot:
     """Return the recorded robot.
 
     Raises:
@@ -123,7 +126,7 @@ def in_recording(message: str) -> str:
     return re.sub(rf"{re.escape(str(_restored_files()))}/([0-9a-f]{{64}}/)?", "", message)
 
 
-def extract_robot(recording: Recording, folder: Path) -> list[Path]:
+def extract_robot(recording: "Recording", folder: Path) -> list[Path]:
     """Write the robot file, URDF and meshes of a recording to a folder. Return the files.
 
     The URDF refers to the meshes in this folder, so viewers find them. If the folder already has a
@@ -154,7 +157,7 @@ def extract_robot(recording: Recording, folder: Path) -> list[Path]:
     return list(files)
 
 
-def _attached_meshes(recording: Recording) -> dict[str, str]:
+def _attached_meshes(recording: "Recording") -> dict[str, str]:
     """Return the name of the attachment of each mesh, by its name in the URDF.
 
     Raises:
@@ -166,7 +169,7 @@ def _attached_meshes(recording: Recording) -> dict[str, str]:
     return values
 
 
-def robot_files_changed(recording: Recording) -> bool:
+def robot_files_changed(recording: "Recording") -> bool:
     """Return True if the attached robot files differ from the files of the run."""
     note = recording.notes[_NOTE]
     return note.get("sha256") != _digest(*(recording.files[name] for name in _robot_files(note)))

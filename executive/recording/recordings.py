@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor, wait
 from functools import cached_property, partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import logs
 from executive.api.outcome import GoalState, GoalStatus, Outcome
@@ -15,10 +16,11 @@ from hardware import Ability, ArmEvent, Clock, Robot, State, utc_ns
 from logs.writing.compaction_process import CompactionProcess, shared_process
 from skills import Planned, SkillEvent
 
-from .archive import RobotMeshes, archive_meshes, archive_world, robot_note
 from .exchanges import Exchanges
 from .translate import arm_record, skill_record
-from .versions import versions
+
+if TYPE_CHECKING:
+    from .archive import RobotMeshes
 
 logger = logging.getLogger(__name__)
 
@@ -95,7 +97,7 @@ class Recordings:
         """
         self._compaction = shared_process()
         recorder = self._create(_SERVER)
-        recorder.put(*self._setup({}), *self._early_lines(), self._arm_state(self._clock.now()))
+        self._begin(recorder, {}, self._arm_state(self._clock.now()))
         self._accepted.clear()
         with self._counting:
             failed, self._server = self._server, recorder
@@ -130,9 +132,7 @@ class Recordings:
         self._meshes.clear()
         self._exchanges.restart()
         record = logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed, start)
-        recorder.put(
-            *self._setup(files), *self._early_lines(), record, self._arm_state(record.time)
-        )
+        self._begin(recorder, files, record, self._arm_state(record.time))
         self._watch(record)
 
     def goal_changed(self, status: GoalStatus) -> None:
@@ -288,6 +288,8 @@ class Recordings:
     def on_skill_event(self, event: SkillEvent) -> None:
         """Record an event of a skill."""
         if isinstance(event, Planned):
+            from .archive import archive_world
+
             self._attach_meshes({**self._robot_meshes.files, **archive_world(event.query.world)[1]})
         self.record(skill_record(event, self._robot, self._clock.now()))
 
@@ -299,12 +301,19 @@ class Recordings:
         while self._early:
             yield self._early.popleft()
 
-    def _setup(self, task: Mapping[str, str]) -> list[logs.Item]:
+    def _begin(
+        self, recorder: logs.Recorder, task: Mapping[str, str], *records: logs.Record
+    ) -> None:
+        """Write the beginning of a recording. Its thread makes it while the board boots."""
+        now, early = self._clock.now(), [*self._early_lines()]
+        recorder.put_made(lambda: [*self._setup(now, task), *early, *records])
+
+    def _setup(self, time: float, task: Mapping[str, str]) -> list[logs.Item]:
         """Return all items that a recording needs for viewing and verification."""
         urdf, files, notes = self._robot_items
         return [
             *files,
-            logs.Description(self._clock.now(), urdf),
+            logs.Description(time, urdf),
             *notes,
             *(
                 logs.Attachment(file, "application/yaml", text.encode())
@@ -313,8 +322,10 @@ class Recordings:
         ]
 
     @cached_property
-    def _robot_meshes(self) -> RobotMeshes:
+    def _robot_meshes(self) -> "RobotMeshes":
         """The meshes of the robot. They are read once."""
+        from .archive import archive_meshes  # slow to import
+
         meshes = archive_meshes(self._robot)
         if meshes.left_out:
             logger.warning("%s", meshes.left_out)
@@ -323,6 +334,9 @@ class Recordings:
     @cached_property
     def _robot_items(self) -> tuple[str, list[logs.Attachment], list[logs.Note]]:
         """Return the URDF, the robot's files and the notes. They are made once."""
+        from .archive import robot_note  # slow to import
+        from .versions import versions
+
         files = self._robot_files
         attached = [logs.Attachment(name, "text/plain", data) for name, data in files.items()]
         notes = [

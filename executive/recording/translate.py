@@ -19,8 +19,6 @@ from hardware import (
 from skills import LeaderRead, Planned, Scheduled, SkillEvent
 from skills.motion import MotionError
 
-from .archive import archive_world
-
 _GRID = 0.02  # sampling interval of a recorded motion [s]
 
 
@@ -67,6 +65,8 @@ def skill_record(event: SkillEvent, robot: Robot, now: float) -> logs.Record:
 
 
 def _plan_record(event: Planned, robot: Robot, now: float) -> logs.Plan:
+    from .archive import archive_world  # slow to import
+
     query, answer = event.query, event.answer
     joints = robot.actuated_in(query.group)
     plan, error = (None, answer) if isinstance(answer, MotionError) else (answer, None)

@@ -1,13 +1,11 @@
-"""Frozen dataclasses with slots that are made in a third of the time.
+"""Frozen dataclasses with slots that are made in an eighth of the time.
 
-`dataclasses.dataclass` compiles six methods for each class. `armtree run` makes 120 such classes
-before the arm starts; they took 0.1 of 0.5 s. Here a class compiles `__init__` only. Instances take
-three times as long to make, so classes with thousands of instances use the standard library, such
-as records. Type checkers see the decorator of the standard library.
+`dataclasses.dataclass` compiles six methods for each class. `armtree run` makes 150 such classes
+before the arm starts; they took a third of that time. Here a class compiles `__init__` when its
+first instance is made, and nothing else. Type checkers see the decorator of the standard library.
 """
 
 import dataclasses
-from collections.abc import Callable
 from operator import attrgetter
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -23,7 +21,8 @@ else:
 def _frozen_with_slots(cls: type, kw_only: bool) -> Any:
     if any(map(dataclasses.is_dataclass, cls.__bases__)):
         return dataclasses.dataclass(frozen=True, slots=True, kw_only=kw_only)(cls)
-    made: Any = dataclasses.dataclass(slots=True, repr=False, eq=False, kw_only=kw_only)(cls)
+    settings: dict[str, bool] = {"init": False, "repr": False, "eq": False, "kw_only": kw_only}
+    made: Any = dataclasses.dataclass(slots=True, **settings)(cls)
     fields = dataclasses.fields(made)
     shown = [field.name for field in fields if field.repr]
     # With the class, there are always two values or more, so that the getter returns a tuple.
@@ -37,7 +36,8 @@ def _frozen_with_slots(cls: type, kw_only: bool) -> Any:
         same_class = other.__class__ is self.__class__
         return values(self) == values(other) if same_class else NotImplemented
 
-    methods: dict[str, Callable[..., Any]] = {
+    methods: dict[str, Any] = {
+        "__init__": _Init(made),
         "__repr__": represent,
         "__eq__": equals,
         "__hash__": lambda self: hash(values(self)[1:]),  # the hash of a class is its address
@@ -50,8 +50,43 @@ def _frozen_with_slots(cls: type, kw_only: bool) -> Any:
     return made
 
 
+class _Init:
+    """The `__init__` of a class until its first use, which replaces it by the compiled one."""
+
+    def __init__(self, made: type) -> None:
+        self._made: Any = made
+
+    def __get__(self, instance: object, owner: type) -> Any:
+        self._made.__init__ = compiled = _compiled_init(self._made)
+        return compiled.__get__(instance, owner)
+
+
+def _compiled_init(made: Any) -> Any:
+    known: dict[str, Any] = {"_set": object.__setattr__, "_make": object()}
+    by_place, by_name, body = ["self"], ["*"], []
+    fields = dataclasses.fields(made)
+    for field in fields:
+        name, default = field.name, f"_{field.name}"
+        value, parameter = name, name
+        if field.default is not dataclasses.MISSING:
+            known[default], parameter = field.default, f"{name}={default}"
+        elif field.default_factory is not dataclasses.MISSING:
+            known[default], parameter = field.default_factory, f"{name}=_make"
+            value = f"{default}() if {name} is _make else {name}"
+        (by_name if field.kw_only else by_place).append(parameter)
+        body.append(f"_set(self, {name!r}, {value})")
+    if hasattr(made, "__post_init__"):
+        body.append("self.__post_init__()")
+    parameters = by_place + by_name * (len(by_name) > 1)
+    exec(f"def __init__({', '.join(parameters)}):\n " + "\n ".join(body or ["pass"]), known)
+    init = known["__init__"]
+    init.__qualname__ = f"{made.__qualname__}.__init__"
+    init.__annotations__ = {**{field.name: field.type for field in fields}, "return": None}
+    return init
+
+
 def _set_once(self: object, name: str, value: object) -> None:
-    if hasattr(self, name):  # `__init__` sets each field once
+    if hasattr(self, name):  # `pickle` and `copy` set each field once
         raise dataclasses.FrozenInstanceError(f"cannot assign to field {name!r}")
     object.__setattr__(self, name, value)
 

@@ -6,12 +6,15 @@ import struct
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from logs.errors import LogError, RecordingCut, RecordingError, RecordingInUse, RecordingTruncated
 from logs.records.file_format import MAGIC, is_journal
 
-from .recording import Recording
 from .tolerant_reader import TolerantReader
+
+if TYPE_CHECKING:
+    from .recording import Recording
 
 _HEAD = 64  # number of first bytes, which contain the name of the library that wrote the file
 _LIBRARY = b"armtree"  # beginning of the library's name in files of armtree
@@ -103,7 +106,7 @@ def is_complete(path: Path, every_byte: bool) -> bool:
     return True
 
 
-def why_incomplete(recording: Recording) -> LogError | None:
+def why_incomplete(recording: "Recording") -> LogError | None:
     """Return the error if a recording lacks the end of its run, else None."""
     if recording.whole:
         return None
@@ -114,13 +117,15 @@ def why_incomplete(recording: Recording) -> LogError | None:
     return RecordingTruncated(recording.path, recording.messages)
 
 
-def closed_recordings(folder: Path, since: float) -> Iterator[Recording]:
+def closed_recordings(folder: Path, since: float) -> "Iterator[Recording]":
     """Yield the recordings of a folder that are not being written, ordered by name.
 
     Args:
         folder: Folder with recordings.
         since: Skip files last changed before this time [s since 1970].
     """
+    from .recording import Recording  # a run without its use starts sooner
+
     for path in sorted(folder.glob("*.mcap")):
         try:
             if path.stat().st_mtime < since:

@@ -2,11 +2,11 @@
 
 import json
 from collections.abc import Collection, Iterator
-from dataclasses import dataclass
 from json.scanner import py_make_scanner  # type: ignore[attr-defined]
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from hardware.loading.dataclass import dataclass
 from logs.errors import RecordingError, RecordingTruncated
 
 from .tolerant_reader import TolerantReader

@@ -1,7 +1,7 @@
 """Functions that convert a record to its message in the file: one function per topic."""
 
 import json
-from dataclasses import asdict
+from dataclasses import fields
 from typing import Any, NamedTuple
 from uuid import UUID
 
@@ -128,8 +128,8 @@ def late_frame(sent: Sent, stamp: Stamp) -> Message | None:
 
 def every_field(record: Record, stamp: Stamp) -> Message:
     """Return all fields of a record as JSON, in a String message. Long texts are cut."""
-    fields = asdict(record)
-    return _string({k: _cut(v) if isinstance(v, str) else v for k, v in fields.items()})
+    named = {field.name: getattr(record, field.name) for field in fields(record)}
+    return _string({k: _cut(v) if isinstance(v, str) else v for k, v in named.items()})
 
 
 def trajectory(plan: Plan, stamp: Stamp) -> Message | None:

@@ -5,9 +5,10 @@ in `Measured` and `LeaderState`. The table in `topics.py` defines the messages o
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import field
 from typing import Any
 
+from hardware.loading.dataclass import dataclass
 from hardware.printable import wire_text
 
 # Names of measured quantities.

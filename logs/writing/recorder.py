@@ -6,7 +6,7 @@ import logging
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from functools import cache, partial
 from io import BufferedWriter
 from pathlib import Path
@@ -93,6 +93,14 @@ class Recorder:
         if isinstance(items[0], Sent):
             self._sent += 1
         self._jobs.put(partial(self._take, items))
+
+    def put_made(self, make: Callable[[], Iterable[Item]]) -> None:
+        """Queue items that take long to make, for writing as one piece. It never blocks or raises.
+
+        Args:
+            make: Callback that returns the items; no frame. The writing thread calls it.
+        """
+        self._jobs.put(partial(self._make, make))
 
     @property
     def failed(self) -> bool:
@@ -199,6 +207,15 @@ class Recorder:
             stream.close()
             self._fail(cause)
         self._begun.set()
+
+    def _make(self, make: Callable[[], Iterable[Item]]) -> None:
+        try:
+            items = tuple(make())
+        except Exception as cause:
+            self._lost += 1
+            self._fail(cause)
+        else:
+            self._take(items)
 
     def _take(self, items: tuple[Item, ...]) -> None:
         if self._ended.is_set():

@@ -10,7 +10,6 @@ import json
 import re
 from codecs import BOM_UTF16_BE, BOM_UTF16_LE
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 from typing import Any, NoReturn
@@ -29,6 +28,7 @@ from ruamel.yaml.events import (
 )
 
 from hardware import read_file
+from hardware.loading.dataclass import dataclass
 from trees.errors import Correction, FileError, Mistake, Place
 
 MAX_BYTES = 256 * 1024
@@ -240,7 +240,7 @@ def texts_within(value: Located) -> Iterator[Located]:
 # A directive could change the meaning of values. Editors and parsers count lines differently if a
 # text has control characters or Unicode's line separators.
 _FORBIDDEN = re.compile(
-    r"^%|[^\t\n\r -~\xa0-\u2027\u202a-\ud7ff\ue000-\ufefe\uff00-\ufffd\U00010000-\U0010ffff]"
+    r"^%|[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufeff\ufffe\uffff]"
 )
 
 

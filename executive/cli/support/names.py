@@ -219,13 +219,13 @@ class TaskName(click.ParamType):  # type: ignore[type-arg]  # generic since clic
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> int | str:
         """Return the number as an integer, or the name. Raise a usage error for any other text."""
-        from logs.reading.find import LATEST
-
         text = str(value)
-        if text.partition(":")[0] == LATEST or text.endswith(".mcap"):
-            self.fail(f"{text} is a recording: type armtree replay {text} --watch", param, ctx)
         if text.isdecimal() and len(text) < 20 and int(text) <= _LARGEST:
             return int(text)
+        from logs.reading.find import LATEST  # numbers do not need it
+
+        if text.partition(":")[0] == LATEST or text.endswith(".mcap"):
+            self.fail(f"{text} is a recording: type armtree replay {text} --watch", param, ctx)
         if "=" in text:
             self.fail(f"{text} is a parameter of a task: write --set {text}", param, ctx)
         if "," in text:

@@ -16,12 +16,12 @@ ROWS = {
     "stop": ("typed", "stop --server http://127.0.0.1:9"),
     "status": ("typed", "status --server http://127.0.0.1:9"),
     "tasks": ("typed", "tasks"),
-    # The journal is the last that a run loads before its board boots, and NumPy loads meanwhile.
-    "run": ("imported", "executive.cli.support.run_tasks, logs.writing.journal"),
+    # While the board boots, a run also loads the journal and NumPy.
+    "run": ("imported", "executive.cli.support.run_tasks"),
     "serve": ("imported", "executive.cli.support.run_server"),
 }
 HTTP = {"anyio", "certifi", "h11", "httpcore"}
-RUN = {"click", "mcap", "py_trees", "pydot", "ruamel"}
+RUN = {"click", "py_trees", "pydot", "ruamel"}
 SERVER = {"fastjsonschema", "prometheus_client", "starlette", "uvicorn", "websockets"}
 LIBRARIES = {
     "--help": {"click"},
@@ -51,9 +51,15 @@ UNUSED = {
     "tasks": {"executive.client", "executive.executive", "skills", "trees.compile"},
     "run": {
         "executive.client",
+        "executive.goals.history",
+        "executive.goals.moves.move_task",
+        "executive.recording.archive",
         "executive.replay",
         "executive.server",
+        "hashlib",
+        "logs.reading.recording",
         "logs.views",
+        "logs.writing.journal",
         "trees.check",
     },
 }

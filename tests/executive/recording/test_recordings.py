@@ -105,19 +105,22 @@ class SlowBegin:
 
 
 @pytest.mark.parametrize("single_user", [True, False])
-def test_the_goal_is_recorded_before_the_board_boots(
+def test_the_recording_begins_before_the_first_command(
     rig: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, single_user: bool
 ) -> None:
+    """A server waits even before the board boots, because it starts long before its first goal."""
     SlowBegin(monkeypatch)
     arm = rig(single_user=single_user)
-    real, kept = arm.link.open, tmp_path / "kept.mcap"
+    first, kept = "write" if single_user else "open", tmp_path / "kept.mcap"
+    real = getattr(arm.link, first)
 
-    def boot() -> None:
-        (path,) = tmp_path.glob("*.mcap")
-        shutil.copy(path, kept)
-        real()
+    def keep(*data: bytes) -> None:
+        if not kept.exists():
+            (path,) = tmp_path.glob("*.mcap")
+            shutil.copy(path, kept)
+        real(*data)
 
-    monkeypatch.setattr(arm.link, "open", boot)
+    monkeypatch.setattr(arm.link, first, keep)
     if single_user:
         assert arm.run(1)[0].success
         assert len(list(logs.Recording(kept).records(logs.Goal))) == 1
@@ -132,14 +135,15 @@ def test_the_goal_is_recorded_before_the_board_boots(
     assert any(name.endswith(".urdf") for name in found.files)
 
 
-def test_the_board_does_not_boot_without_a_recording(
+def test_no_command_is_sent_without_a_recording(
     rig: RigMaker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     SlowBegin(monkeypatch, OSError(errno.EIO, os.strerror(errno.EIO)))
     arm = rig()
     (outcome,) = arm.run(1)
     assert outcome.code == "log.incomplete"
-    assert arm.opened == 0
+    assert arm.opened == 1
+    assert arm.frames == []
 
 
 @pytest.mark.parametrize("canceled", [True, False])

@@ -21,7 +21,9 @@ import logs.writing.recorder
 from logs import (
     DiskFull,
     LogError,
+    NodeStatus,
     Recorder,
+    Recording,
     RecordingExists,
     RecordingIncomplete,
     RecordingNotCreated,
@@ -324,6 +326,43 @@ def test_a_record_that_cannot_be_converted_costs_itself_only(
     assert caught.value.cause is failures[0]
     assert sum(message.topic == "/serial/tx" for message in read(recorder.path)) == 2
     assert [line.levelno for line in caplog.records] == [logging.ERROR]
+
+
+def names(path: Path) -> list[str]:
+    """The nodes of a recording's status changes."""
+    records = Recording(path).records(NodeStatus)
+    return [record.name for record in records if isinstance(record, NodeStatus)]
+
+
+def test_items_are_made_by_the_writing_thread_in_their_turn(tmp_path: Path) -> None:
+    path, threads = tmp_path / "run.mcap", list[int]()
+
+    def make() -> list[Item]:
+        threads.append(threading.get_ident())
+        return [node(0.1, "second", "RUNNING"), node(0.1, "third", "RUNNING")]
+
+    with Recorder(path, EPOCH_NS, fail) as recorder:
+        recorder.put(node(0.1, "first", "RUNNING"))
+        recorder.put_made(make)
+        recorder.put(node(0.1, "fourth", "RUNNING"))
+    assert threads != [threading.get_ident()]
+    assert names(path) == ["first", "second", "third", "fourth"]
+
+
+def test_items_that_cannot_be_made_are_reported(tmp_path: Path) -> None:
+    reported = list[Exception]()
+    recorder = Recorder(tmp_path / "run.mcap", EPOCH_NS, reported.append)
+
+    def make() -> list[Item]:
+        raise OSError(errno.EIO, os.strerror(errno.EIO))
+
+    recorder.put_made(make)
+    recorder.put(node(0.1, "next", "RUNNING"))
+    recorder.wait()
+    with pytest.raises(RecordingIncomplete, match="Input/output error"):
+        recorder.close()
+    assert [type(each) for each in reported] == [OSError]
+    assert names(recorder.path) == ["next"]
 
 
 def test_a_full_disk_leaves_no_empty_file(tmp_path: Path) -> None:
