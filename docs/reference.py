@@ -89,7 +89,7 @@ def command_line() -> Iterator[str]:
     context = click.Context(cli, **shown, **cli.context_settings)
     for title, places in SECTIONS.items():
         yield f"## {title}"
-        for place in places.split():
+        for place in places:
             name = place.rpartition(".")[2].strip("_").replace("_", "-")
             command = cli.get_command(context, name)
             assert command, name

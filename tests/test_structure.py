@@ -93,7 +93,7 @@ def arrows() -> dict[str, set[str]]:
     found = {name: set(imports(name, path)) for name, path in MODULES.items()}
     for folder in ("skills.leaves", "trees.nodes"):
         found[folder] |= {name for name in MODULES if name.rpartition(".")[0] == folder}
-    commands = " ".join(SECTIONS.values()).split()
+    commands = [place for section in SECTIONS.values() for place in section]
     found["executive.cli.main"] |= {f"executive.cli.{way.partition('.')[0]}" for way in commands}
     return found
 

@@ -17,7 +17,8 @@ from .settings import ABOVE_0, PATH, FleetUrl, Url, Whole, option
 from .support.command_group import CommandGroup
 from .support.names import TASK, check_goal_id
 from .support.options import server_option, set_option
-from .terminal.streams import LogPrinter, echo, echo_result
+from .terminal.log_printer import LogPrinter
+from .terminal.streams import echo, echo_result
 
 if TYPE_CHECKING:
     from executive.fleet.errors import Confirmation

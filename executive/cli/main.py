@@ -1,9 +1,7 @@
 """The command line. It imports only the typed command, and slow libraries when the command runs."""
 
-import logging
 import os
 import sys
-import traceback
 
 import click
 
@@ -14,18 +12,73 @@ from .support.command_group import COMPLETION_VARIABLE, CommandGroup, Diagnostic
 from .support.process import protected_process
 from .terminal.streams import discard, echo, open_closed_streams
 
+# The commands by section: the module and function of each, and the first sentence of its help.
 SECTIONS = {
-    "Run and move": "run.run move.move move.home move.where move.stop jog.jog "
-    "teleop.teleop pose.pose plan.plan",
-    "Tasks": "tasks.tasks tasks.check tasks.schema tasks.skills tasks.show tasks.new teach.teach",
-    "Server": "serve.serve server_commands.send server_commands.cancel server_commands.answer "
-    "server_commands.pause server_commands.resume server_commands.step server_commands.break_ "
-    "server_commands.status server_commands.view server_commands.watch server_commands.arm "
-    "mcp.mcp ros2.ros2 service.service",
-    "Many arms": "fleet.fleet",
-    "Recordings": "replay.replay log.log",
-    "Robot and board": "doctor.doctor calibrate.calibrate new_arm.robots new_arm.new_arm",
-    "Settings": "config.config completion.completion",
+    "Run and move": {
+        "run.run": "Run tasks, one after the other, and record each run.",
+        "move.move": "Move joints, or the tool to a point, and record the move.",
+        "move.home": "Move to the home pose of the robot.",
+        "move.where": (
+            "Print where the arm is: joints in degrees, the tool and the width of the "
+            "gripper in mm."
+        ),
+        "move.stop": "Stop the arm at once, and cancel all goals.",
+        "jog.jog": "Move joints and tool in small steps, by keys.",
+        "teleop.teleop": "Move an arm by moving another arm, the leader, by hand.",
+        "pose.pose": "Save, list, show and remove poses.",
+        "plan.plan": "Plan a motion without an arm; explain it and draw it.",
+    },
+    "Tasks": {
+        "tasks.tasks": "List the tasks of a robot, their parameters and their last outcomes.",
+        "tasks.check": "Check task files and report every mistake with its line.",
+        "tasks.schema": "Print the JSON Schema of task files.",
+        "tasks.skills": "List the skills, with their ports.",
+        "tasks.show": "Draw the tree of a task or of a recorded run.",
+        "tasks.new": "Write a new task file: a commented example that runs.",
+        "teach.teach": "Teach a task: jog the arm from pose to pose, and take each pose as a step.",
+    },
+    "Server": {
+        "serve.serve": "Run a server that executes goals of other programs, until Ctrl-C.",
+        "server_commands.send": "Run TASK on a server.",
+        "server_commands.cancel": "Cancel GOAL on a server.",
+        "server_commands.answer": "Answer a question of a running task on a server.",
+        "server_commands.pause": "Pause GOAL on a server and stop the arm.",
+        "server_commands.resume": "Resume a paused GOAL on a server.",
+        "server_commands.step": "Resume a paused GOAL on a server until its next skill starts.",
+        "server_commands.break_": (
+            "Set or remove a breakpoint on a server, or list the breakpoints."
+        ),
+        "server_commands.status": "Print the state of a server: its arm, goals and breakpoints.",
+        "server_commands.view": "Open the page of a server in a browser, signed in.",
+        "server_commands.watch": "Show everything that a server does, until Ctrl-C.",
+        "server_commands.arm": "Change the lifecycle state of a server's arm.",
+        "mcp.mcp": "Offer the tasks of a server to language models, as tools (MCP).",
+        "ros2.ros2": "Offer a server to ROS 2, as the node `armtree`.",
+        "service.service": (
+            "Start `armtree serve` when the computer starts, as a service of systemd."
+        ),
+    },
+    "Many arms": {
+        "fleet.fleet": "Run many arms: send jobs to pools of them, watch them, and stop them all.",
+    },
+    "Recordings": {
+        "replay.replay": "Verify recorded runs, show a recorded run, or send its frames again.",
+        "log.log": "List, show, compare, draw, recover and delete recordings.",
+    },
+    "Robot and board": {
+        "doctor.doctor": "Check everything that a run needs.",
+        "calibrate.calibrate": (
+            "Calibrate an arm with bus servos: turn every joint by hand from end to end."
+        ),
+        "new_arm.robots": "List the shipped robots, for --robot, and the firmware for an Arduino.",
+        "new_arm.new_arm": "Make a robot file for an arm from its URDF.",
+    },
+    "Settings": {
+        "config.config": "Show each setting, its value, and where the value comes from.",
+        "completion.completion": (
+            "Print the script with which a shell completes commands, options and names."
+        ),
+    },
 }
 
 
@@ -57,6 +110,8 @@ def cli() -> None:
       6 hardware fault       130 ended by Ctrl-C
       7 canceled             141 broken pipe
     """  # noqa: D301
+    import logging  # --help does not need it
+
     root = logging.getLogger()
     root.setLevel(logging.INFO)
     root.addHandler(logging.NullHandler())
@@ -83,6 +138,8 @@ def main() -> None:
         raise
     except Exception as error:
         if wanted.debug and not isinstance(error, click.ClickException):
+            import traceback
+
             echo(printable(traceback.format_exc()), nl=False, err=True, whole=True)
         from .support.failures import print_error
 

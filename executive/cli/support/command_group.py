@@ -1,20 +1,16 @@
 """A group of commands. Its help has sections. All its commands share some options."""
 
-import logging
 import sys
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
 import click
 
-from executive.cli.settings import SETTINGS_SECTION
-from executive.cli.terminal.streams import LogPrinter
 from hardware.spelling import did_you_mean, suggestion
 
 _OWN, _COMMON = "Options", "Options of every command"
-_SECTIONS = (_OWN, SETTINGS_SECTION, _COMMON)
 # Names of commands in other programs, and the commands of armtree that they may mean.
 _OTHER_NAMES = {
     **dict.fromkeys(("delete", "remove", "del"), ("rm",)),
@@ -47,6 +43,10 @@ def diagnostics() -> Diagnostics:
 def _set_verbose(context: click.Context, _option: click.Parameter, given: bool) -> None:
     wanted = context.ensure_object(Diagnostics)
     if given and not wanted.verbose:
+        import logging
+
+        from executive.cli.terminal.log_printer import LogPrinter
+
         wanted.verbose = True
         logging.getLogger().addHandler(LogPrinter("%(levelname)s %(name)s: %(message)s"))
 
@@ -77,7 +77,10 @@ class Command(click.Command):
 
     def format_options(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the options, by section."""
-        sections: dict[str, list[tuple[str, str]]] = {title: [] for title in _SECTIONS}
+        from executive.cli.settings import SETTINGS_SECTION
+
+        titles = (_OWN, SETTINGS_SECTION, _COMMON)
+        sections: dict[str, list[tuple[str, str]]] = {title: [] for title in titles}
         for option in self.get_params(ctx):
             if isinstance(option, click.Option) and (record := option.get_help_record(ctx)):
                 title = getattr(option, "section", _OWN)
@@ -97,9 +100,9 @@ class CommandGroup(click.Group):
     """A group of commands. Every command accepts --verbose and --debug, before and after its name.
 
     Args:
-        sections: Commands by the title of their section in the help: the module and function of
-            each, such as `new_arm.new_arm`, separated by spaces. A module is imported when its
-            command is needed. None if the decorator `command` adds the commands.
+        sections: Commands by the title of their section in the help: a sentence about each, by its
+            module and function, such as `new_arm.new_arm`. A module is imported when its command
+            is needed. None if the decorator `command` adds the commands.
         package: Package of these modules.
     """
 
@@ -108,16 +111,17 @@ class CommandGroup(click.Group):
     def __init__(
         self,
         *arguments: Any,
-        sections: Mapping[str, str] | None = None,
+        sections: Mapping[str, Mapping[str, str]] | None = None,
         package: str | None = None,
         **settings: Any,
     ) -> None:
         super().__init__(*arguments, **settings)
         self._package = package
-        self._places = {
-            title: {_name(place): place for place in places.split()}
+        self._listed = {
+            title: {_name(place): words for place, words in places.items()}
             for title, places in (sections or {}).items()
         }
+        self._places = {_name(place): place for each in (sections or {}).values() for place in each}
         self.params += _EVERYWHERE
 
     def add_command(self, cmd: click.Command, name: str | None = None) -> None:
@@ -127,15 +131,12 @@ class CommandGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Return the names of the commands."""
-        return [name for section in self._sections().values() for name in section]
+        return [*(self._places or self.commands)]
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Return a command, or None if there is no such command."""
-        places = {
-            name: place for section in self._places.values() for name, place in section.items()
-        }
-        if cmd_name in places and cmd_name not in self.commands:
-            module, function = places[cmd_name].split(".")
+        if cmd_name in self._places and cmd_name not in self.commands:
+            module, function = self._places[cmd_name].split(".")
             found = getattr(import_module(f".{module}", self._package), function)
             self.add_command(found, cmd_name)
         return super().get_command(ctx, cmd_name)
@@ -160,21 +161,18 @@ class CommandGroup(click.Group):
             why = f"No such command {args[0]!r}{near}"
             raise click.UsageError(why, ctx) from error
 
-    def _sections(self) -> Mapping[str, Iterable[str]]:
-        """Return the names of the commands, by the title of their section."""
-        return self._places or {"Commands": self.commands}
-
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the commands of each section, each with the first sentence of its help."""
         width = max(map(len, self.list_commands(ctx)))
-        for title, names in self._sections().items():
-            commands = filter(None, (self.get_command(ctx, name) for name in names))
-            rows = [
-                (f"{command.name:<{width}}", command.get_short_help_str(limit=sys.maxsize))
-                for command in commands
-            ]
+        own = {
+            name: command.get_short_help_str(limit=sys.maxsize)
+            for name, command in self.commands.items()
+        }
+        for title, commands in (self._listed or {"Commands": own}).items():
             with formatter.section(title):
-                formatter.write_dl(rows)
+                formatter.write_dl(
+                    [(f"{name:<{width}}", words) for name, words in commands.items()]
+                )
 
 
 def _name(place: str) -> str:

@@ -10,7 +10,8 @@ from pathlib import Path
 from urllib.parse import urlencode
 
 from executive.api import PORT
-from executive.cli.terminal.streams import LogPrinter, echo
+from executive.cli.terminal.log_printer import LogPrinter
+from executive.cli.terminal.streams import echo
 from executive.errors import PoseUnconfirmed, SentBeforeStop
 from executive.executive import Executive
 from executive.fleet.worker_process import FleetPlace, worker_of

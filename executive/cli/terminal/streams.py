@@ -2,7 +2,6 @@
 
 import errno
 import json
-import logging
 import os
 import re
 import sys
@@ -109,22 +108,6 @@ def echo(*texts: object, err: bool = False, nl: bool = True, whole: bool = False
 def echo_result(as_json: bool, row: Any, *lines: object) -> None:
     """Print a result, as JSON or as lines. `docs/output.schema.json` describes the rows."""
     echo(*([json.dumps(row)] if as_json else lines))
-
-
-class LogPrinter(logging.StreamHandler[TextIO]):
-    """Prints the log to standard error.
-
-    Args:
-        form: Format of a line, as in `logging`. The default includes the time.
-    """
-
-    def __init__(self, form: str = "%(asctime)s %(levelname)-7s %(message)s") -> None:
-        super().__init__(sys.stderr)
-        self.setFormatter(logging.Formatter(form))
-
-    def format(self, record: logging.LogRecord) -> str:
-        """Return the lines of a record of the log."""
-        return printable(super().format(record))
 
 
 class LastingStream:

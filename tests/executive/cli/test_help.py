@@ -9,7 +9,7 @@ import click
 import pytest
 from click.testing import CliRunner
 
-from executive.cli.main import cli
+from executive.cli.main import SECTIONS, cli
 from executive.cli.settings import SETTINGS
 from tests.support.command_line.commands import commands_of
 from tests.support.command_line.typed import typed
@@ -49,6 +49,12 @@ def test_every_command_is_in_one_section() -> None:
     assert all(re.fullmatch(r"[A-Z][a-z ]+:", section.splitlines()[0]) for section in sections)
     lines = [line for section in sections for line in section.splitlines()[1:]]
     assert sorted(re.findall(r"^  (\S+)", "\n".join(lines), re.M)) == sorted(commands_of(cli))
+
+
+def test_the_list_of_commands_has_the_first_sentence_of_each_help() -> None:
+    listed = {each: words for section in SECTIONS.values() for each, words in section.items()}
+    described = commands_of(cli).values()
+    assert [*listed.values()] == [each.get_short_help_str(limit=10_000) for each in described]
 
 
 @pytest.mark.parametrize("words", COMMANDS, ids=" ".join)

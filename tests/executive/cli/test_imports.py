@@ -39,8 +39,11 @@ UNUSED = {
     "--help": {
         "concurrent.futures",
         "executive.api.token_file",
+        "executive.cli.run",
+        "executive.cli.settings",
         "executive.client",
         "hardware.description",
+        "logging",
         "logs",
         "skills",
         "subprocess",

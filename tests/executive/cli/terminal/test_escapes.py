@@ -14,7 +14,8 @@ import logs
 from executive.api.outcome import Cause, GoalState, Outcome
 from executive.cli.terminal.line_view import view_for
 from executive.cli.terminal.live.live_view import LiveView
-from executive.cli.terminal.streams import LogPrinter, echo_result
+from executive.cli.terminal.log_printer import LogPrinter
+from executive.cli.terminal.streams import echo_result
 from tests.support.servers.serving import Served, Typed
 
 pytestmark = pytest.mark.slow
