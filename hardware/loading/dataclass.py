@@ -19,10 +19,11 @@ else:
 
 
 def _frozen_with_slots(cls: type, kw_only: bool) -> Any:
-    if any(map(dataclasses.is_dataclass, cls.__bases__)):
-        return dataclasses.dataclass(frozen=True, slots=True, kw_only=kw_only)(cls)
-    settings: dict[str, bool] = {"init": False, "repr": False, "eq": False, "kw_only": kw_only}
-    made: Any = dataclasses.dataclass(slots=True, **settings)(cls)
+    derived = any(map(dataclasses.is_dataclass, cls.__bases__))  # must be frozen like its base
+    make = dataclasses.dataclass(
+        init=False, repr=False, eq=False, frozen=derived, slots=True, kw_only=kw_only
+    )
+    made: Any = make(cls)
     fields = dataclasses.fields(made)
     shown = [field.name for field in fields if field.repr]
     # With the class, there are always two values or more, so that the getter returns a tuple.

@@ -5,7 +5,7 @@ import json
 import re
 from collections.abc import Mapping
 from functools import cache
-from importlib import resources
+from pathlib import Path
 from typing import Any, NamedTuple
 
 # Each `.msg` file in this folder defines one type; `standard.msg` defines the types of ROS 2.
@@ -97,7 +97,7 @@ def _definitions() -> Mapping[str, str]:
 
 def _text(name: str) -> str:
     """Return the content of the `.msg` file of a message type."""
-    return resources.files(__package__).joinpath(f"{name.rpartition('/')[2]}.msg").read_text()
+    return Path(__file__).with_name(f"{name.rpartition('/')[2]}.msg").read_text()
 
 
 def _field(line: str) -> Field:

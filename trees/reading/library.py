@@ -13,7 +13,6 @@ import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
 from functools import cache
-from importlib import resources
 from itertools import count
 from pathlib import Path
 from typing import Protocol
@@ -64,7 +63,7 @@ def with_robot(folder: Path, robot: str) -> tuple[Path, ...]:
 
 def shipped_folders(robot: str) -> tuple[Path, ...]:
     """Return the folders of the shipped files for a robot."""
-    return with_robot(Path(str(resources.files("trees"))) / "tasks", robot)
+    return with_robot(Path(__file__).parents[1] / "tasks", robot)
 
 
 def pose_paths(folders: Iterable[Path], robot: str) -> list[Path]:

@@ -3,19 +3,21 @@
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from hardware.drivers.firmware_profile import Firmware
 from hardware.drivers.pacing import unread_bytes
 from hardware.joints import Joint
 from hardware.link.link import Link
-from hardware.link.serial_link import SerialLink
 from hardware.loading.dataclass import dataclass
 from hardware.toml_table import TomlTable
 
-from .acknowledgements import Acknowledgements
 from .firmware_profile import FIRMWARES, ArduinoFirmware
 from .frames import ANGLE_MAX, Codec, WireField, servo_angle
-from .virtual.board import Board
+
+if TYPE_CHECKING:
+    from .acknowledgements import Acknowledgements
+    from .virtual.board import Board
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,17 +71,23 @@ class SerialServo:
 
     def protocol(
         self, joints: Sequence[Joint], firmware: Firmware, robot_file: Path
-    ) -> Acknowledgements:
+    ) -> "Acknowledgements":
         """Return the protocol of a firmware. The published sketch acknowledges no frames."""
+        from .acknowledgements import Acknowledgements  # a list of tasks does not need it
+
         assert isinstance(firmware, ArduinoFirmware)
         return Acknowledgements(Codec(joints), firmware, FIRMWARES.values(), robot_file)
 
     def link(self, joints: Sequence[Joint], firmware: Firmware, baud: int, port: str) -> Link:
         """Return a link over a serial port."""
+        from hardware.link.serial_link import SerialLink  # slow to import
+
         return SerialLink(port, baud)
 
-    def model(self, joints: Sequence[Joint], firmware: Firmware, baud: int) -> Board:
+    def model(self, joints: Sequence[Joint], firmware: Firmware, baud: int) -> "Board":
         """Return a model of an Arduino with its program."""
+        from .virtual.board import Board  # only a virtual board needs it
+
         codec = Codec(joints)
         boot_angles = codec.encode([joint.boot for joint in joints]).servos
         return Board(codec.letters, boot_angles, firmware, baud)

@@ -29,7 +29,7 @@ LIBRARIES = {
     "serve --help": {"click"},
     "stop": {"click", *HTTP},
     "status": {"click", *HTTP},
-    "tasks": {"click", "ruamel", "serial"},
+    "tasks": {"click", "ruamel"},
     "run": RUN,
     # Starlette imports python_multipart if another package brings it.
     "serve": RUN | SERVER | {"anyio", "h11", "python_multipart", "typing_extensions"},
