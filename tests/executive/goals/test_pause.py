@@ -2,6 +2,7 @@
 
 import dataclasses
 from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from pathlib import Path
 
@@ -78,11 +79,15 @@ def pause_for(rig: Rig, seconds: float) -> Callable[[], None]:
     def act() -> None:
         goal = running(rig)
         rig.executive.pause(goal)
-        rig.rest(seconds)
-        assert rig.executive.status().paused
-        rig.executive.resume(goal)
+        resume_after(rig, goal, seconds)
 
     return act
+
+
+def resume_after(rig: Rig, goal: str, seconds: float) -> None:
+    rig.rest(seconds)
+    assert rig.executive.status().paused
+    rig.executive.resume(goal)
 
 
 def unpaused(rig: Rig) -> list[str]:
@@ -231,7 +236,9 @@ def test_a_pause_before_it_moves(rig: RigMaker, node: str) -> None:
             "RUNNING",
         ):
             arm.on_record = lambda _: None
-            arm.soon(pause_for(arm, 30.0))
+            goal = running(arm)
+            arm.executive.pause(goal)  # on the thread of the tree, so that no frame comes first
+            arm.soon(partial(resume_after, arm, goal, 30.0))
 
     arm.on_record = watch
     (outcome,) = arm.run(1)
