@@ -25,7 +25,7 @@ from skills.motion import (
     World,
 )
 from skills.motion.collision.checker import CollisionChecker
-from skills.motion.collision.planning_scene import PlanningScene, part_of
+from skills.motion.collision.planning_scene import PlanningScene, geometry_of, part_of
 from skills.motion.planner import Planner
 from skills.motion.robot_model.geometry import corners
 from skills.motion.robot_model.motion_bounds import floor_lever_arms
@@ -70,6 +70,16 @@ def test_old_scenes_are_freed_without_the_garbage_collector(robot: Robot) -> Non
         assert [scene() is None for scene in scenes] == [True] * 5 + [False] * 3
     finally:
         gc.enable()
+
+
+def test_a_geometry_has_the_shapes_that_were_given(robot: Robot) -> None:
+    shapes = [*PlanningScene(robot).hulls.geometryObjects]
+    added = pin.GeometryModel()
+    for shape in shapes:
+        added.addGeometryObject(shape)
+    assert geometry_of(shapes) == added
+    assert geometry_of(shapes[::-1]) != added
+    assert geometry_of([]) == pin.GeometryModel()
 
 
 def test_the_ends_of_pairs_are_those_of_pinocchio_also_in_a_part(robot: Robot) -> None:
