@@ -166,9 +166,9 @@ class Executive:
             LogError: The recording of the server cannot be created.
         """
         if not self.setup.single_user:
-            utc = utc_ns(self.clock) / 1e9
             from .goals.history import load_goal_history  # only a server needs it
 
+            utc = utc_ns(self.clock) / 1e9
             for goal in load_goal_history(self.setup.recordings, utc - self._queue.keep):
                 self._queue.add_ended(*goal)
             self._recordings.open_server_recording()

@@ -244,18 +244,23 @@ class GoalExecutor:
         if self._arm.state is State.UNCONFIGURED:
             self._arm.configure()
         if self._arm.state is State.INACTIVE:
-            try:
-                self._start_pose.activate(self._arm, self._prepare)
-            finally:
-                self._recordings.flush()  # the cause, if `_prepare` has stopped the activation
+            lost = list[logs.LogError]()
 
-    def _prepare(self) -> None:
-        """Load the planners and begin the recording while the board boots."""
-        self._pool.start()
-        try:
-            self._recordings.flush()
-        except logs.LogError:
-            self._arm.stop()  # without a recording, no command is sent
+            def prepare() -> None:
+                """Load the planners, and wait for the recording, while the board boots."""
+                self._pool.start()
+                try:
+                    self._recordings.flush()
+                except logs.LogError as error:
+                    lost.append(error)
+                    self._arm.stop()  # without a recording, no command is sent
+
+            try:
+                self._start_pose.activate(self._arm, prepare)
+            except ActivationStopped:
+                if lost:
+                    raise lost[0] from None
+                raise
 
     def _discard(self, attempt: _Attempt) -> None:
         if attempt.tree:

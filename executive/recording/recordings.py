@@ -304,7 +304,7 @@ class Recordings:
     def _begin(
         self, recorder: logs.Recorder, task: Mapping[str, str], *records: logs.Record
     ) -> None:
-        """Write the beginning of a recording. Its thread makes it while the board boots."""
+        """Write the beginning of a recording. The writing thread makes it, which takes long."""
         now, early = self._clock.now(), [*self._early_lines()]
         recorder.put_made(lambda: [*self._setup(now, task), *early, *records])
 

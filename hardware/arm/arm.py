@@ -170,7 +170,8 @@ class Arm:
         Args:
             start_pose: Pose of the arm when the port opens, one position per actuated joint [rad].
                 Default: the start pose of the robot file.
-            meanwhile: Callback while the board boots. It must return quickly.
+            meanwhile: Callback while the board boots. It may wait, and it may stop the arm. A board
+                that reports its pose is asked after it.
 
         Raises:
             LinkError: The port cannot be opened; the arm stays inactive. Or the port was lost
@@ -468,17 +469,20 @@ class Arm:
 
     def _boot(self, connection: Connection) -> None:
         """Wait until the board has booted: until its report, or for `boot_wait` of the robot."""
-        session, until = connection.session, self._clock.now() + self.robot.serial.boot_wait
+        session, wait = connection.session, self.robot.serial.boot_wait
+        until = self._clock.now() + wait
         self._meanwhile()
-        while True:
+        if self.robot.firmware.reports_pose:
+            until = self._clock.now() + wait
+        while not self._activation_ended:
             earliest = connection.guard.poll()  # without the lock: it calls an observer
             with self._signal:
                 booted = session.boot_frame or self._clock.now() >= until
-                if booted or self._activation_ended:
+                if booted:
                     break
                 self._signal.wait(min(until, max(session.next_poll, earliest)))
         if not self._activation_ended:
-            connection.start(self.robot.serial.boot_wait)
+            connection.start(wait)
         if error := self._activation_ended:
             raise error
 

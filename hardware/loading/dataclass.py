@@ -2,7 +2,8 @@
 
 `dataclasses.dataclass` compiles six methods for each class. `armtree run` makes 150 such classes
 before the arm starts; they took a third of that time. Here a class compiles `__init__` when its
-first instance is made, and nothing else. Type checkers see the decorator of the standard library.
+first instance is made, and nothing else. Fields with `init=False` and `InitVar` are not supported.
+Type checkers see the decorator of the standard library.
 """
 
 import dataclasses
@@ -62,25 +63,36 @@ class _Init:
         return compiled.__get__(instance, owner)
 
 
+class _Factory:
+    """In a signature, the default value of a field with a factory."""
+
+    def __repr__(self) -> str:
+        return "<factory>"
+
+
+_FACTORY = _Factory()
+
+
 def _compiled_init(made: Any) -> Any:
-    known: dict[str, Any] = {"_set": object.__setattr__, "_make": object()}
+    known: dict[str, Any] = {"__set__": object.__setattr__, "__factory__": _FACTORY}
     by_place, by_name, body = ["self"], ["*"], []
     fields = dataclasses.fields(made)
     for field in fields:
-        name, default = field.name, f"_{field.name}"
+        name, default = field.name, f"__default_{field.name}__"
         value, parameter = name, name
         if field.default is not dataclasses.MISSING:
             known[default], parameter = field.default, f"{name}={default}"
         elif field.default_factory is not dataclasses.MISSING:
-            known[default], parameter = field.default_factory, f"{name}=_make"
-            value = f"{default}() if {name} is _make else {name}"
+            known[default], parameter = field.default_factory, f"{name}=__factory__"
+            value = f"{default}() if {name} is __factory__ else {name}"
         (by_name if field.kw_only else by_place).append(parameter)
-        body.append(f"_set(self, {name!r}, {value})")
+        body.append(f"__set__(self, {name!r}, {value})")
     if hasattr(made, "__post_init__"):
         body.append("self.__post_init__()")
     parameters = by_place + by_name * (len(by_name) > 1)
     exec(f"def __init__({', '.join(parameters)}):\n " + "\n ".join(body or ["pass"]), known)
     init = known["__init__"]
+    init.__module__ = made.__module__
     init.__qualname__ = f"{made.__qualname__}.__init__"
     init.__annotations__ = {**{field.name: field.type for field in fields}, "return": None}
     return init

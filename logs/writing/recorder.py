@@ -209,13 +209,16 @@ class Recorder:
         self._begun.set()
 
     def _make(self, make: Callable[[], Iterable[Item]]) -> None:
+        if self._ended.is_set():
+            return
         try:
             items = tuple(make())
         except Exception as cause:
             self._lost += 1
             self._fail(cause)
         else:
-            self._take(items)
+            if items:
+                self._take(items)
 
     def _take(self, items: tuple[Item, ...]) -> None:
         if self._ended.is_set():

@@ -117,7 +117,7 @@ class CommandGroup(click.Group):
     ) -> None:
         super().__init__(*arguments, **settings)
         self._package = package
-        self._listed = {
+        self._sections = {
             title: {_name(place): words for place, words in places.items()}
             for title, places in (sections or {}).items()
         }
@@ -164,11 +164,13 @@ class CommandGroup(click.Group):
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Write the commands of each section, each with the first sentence of its help."""
         width = max(map(len, self.list_commands(ctx)))
-        own = {
-            name: command.get_short_help_str(limit=sys.maxsize)
-            for name, command in self.commands.items()
+        sections = self._sections or {
+            "Commands": {
+                name: command.get_short_help_str(limit=sys.maxsize)
+                for name, command in self.commands.items()
+            }
         }
-        for title, commands in (self._listed or {"Commands": own}).items():
+        for title, commands in sections.items():
             with formatter.section(title):
                 formatter.write_dl(
                     [(f"{name:<{width}}", words) for name, words in commands.items()]

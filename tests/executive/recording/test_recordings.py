@@ -104,13 +104,28 @@ class SlowBegin:
         return made
 
 
+@pytest.fixture
+def configured(robot: Robot, tmp_path: Path) -> Robot:
+    """The Arduinobot with a firmware that is configured by commands as soon as it has booted."""
+    folder = tmp_path / "robot"
+    folder.mkdir()
+    shutil.copy(robot.urdf, folder)
+    path = folder / robot.path.name
+    path.write_text(robot.path.read_text().replace('firmware = "stock"', 'firmware = "armtree"'))
+    return load_robot(path)
+
+
 @pytest.mark.parametrize("single_user", [True, False])
 def test_the_recording_begins_before_the_first_command(
-    rig: RigMaker, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, single_user: bool
+    rig: RigMaker,
+    configured: Robot,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    single_user: bool,
 ) -> None:
     """A server waits even before the board boots, because it starts long before its first goal."""
     SlowBegin(monkeypatch)
-    arm = rig(single_user=single_user)
+    arm = rig(robot=configured, single_user=single_user)
     first, kept = "write" if single_user else "open", tmp_path / "kept.mcap"
     real = getattr(arm.link, first)
 
@@ -131,19 +146,30 @@ def test_the_recording_begins_before_the_first_command(
             arm.executive.arm_to("activate")
             arm.executive.close()
     found = logs.Recording(kept)
+    assert list(found.records(logs.Sent)) == []
     assert "versions" in found.notes
     assert any(name.endswith(".urdf") for name in found.files)
 
 
 def test_no_command_is_sent_without_a_recording(
-    rig: RigMaker, monkeypatch: pytest.MonkeyPatch
+    rig: RigMaker, configured: Robot, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     SlowBegin(monkeypatch, OSError(errno.EIO, os.strerror(errno.EIO)))
-    arm = rig()
+    arm, sent = rig(robot=configured), list[bytes]()
+    monkeypatch.setattr(arm.link, "write", sent.append)
     (outcome,) = arm.run(1)
+    assert (outcome.code, arm.opened, sent) == ("log.incomplete", 1, [])
+
+
+def test_a_recording_that_begins_too_late_is_the_cause(
+    rig: RigMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    SlowBegin(monkeypatch)
+    monkeypatch.setattr(recorder, "_BEGIN_S", 0.01)
+    monkeypatch.setattr(recorder.Recorder.wait, "__defaults__", (0.01,))
+    (outcome,) = rig().run(1)
     assert outcome.code == "log.incomplete"
-    assert arm.opened == 1
-    assert arm.frames == []
+    assert "the disk is too slow" in outcome.message
 
 
 @pytest.mark.parametrize("canceled", [True, False])

@@ -89,7 +89,7 @@ def test_values_compare_hash_and_show_as_in_the_standard_library(
         lambda made: delattr(made(1), "first"),
         lambda made: made.__match_args__,
         lambda made: made.__slots__,
-        lambda made: [*inspect.signature(made).parameters],
+        lambda made: str(inspect.signature(made)),
         lambda made: made(1) != made(2),
         lambda made: made(1).made is made(1).made,
     ],

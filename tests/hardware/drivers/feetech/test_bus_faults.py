@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from hardware import (
+    ActivationStopped,
     Arm,
     ArmEvent,
     BoardLink,
@@ -362,3 +363,20 @@ def test_a_silent_servo_is_named_with_its_likely_cause(
         made.arm.activate()
         with pytest.raises(ServoSilent, match=words):
             raise made.play(PICK, 4.0) or AssertionError("it ended well")
+
+
+def test_servos_are_asked_after_a_callback_that_takes_longer_than_the_boot(tmp_path: Path) -> None:
+    with rig(tmp_path) as made:
+        made.arm.activate(meanwhile=lambda: made.wait(3.0))
+        assert made.arm.state is State.ACTIVE
+
+
+def test_an_activation_that_its_callback_stops_sends_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with rig(tmp_path) as made:
+        sent = list[bytes]()
+        monkeypatch.setattr(made.bus, "receive", lambda data, _now: sent.append(data))
+        with pytest.raises(ActivationStopped):
+            made.arm.activate(meanwhile=made.arm.stop)
+        assert (made.arm.state, sent) == (State.INACTIVE, [])
