@@ -117,22 +117,21 @@ def _outcome(time: str, path: Path, robot: "Robot", name: str) -> str:
 
     Robots are the same if their files have the same name.
     """
-    from logs import Goal, LogError, Recording, Result
+    from logs import Goal, LogError, Result
+    from logs.reading.indexed import IndexedRecording
 
     when = f"{time[:4]}-{time[4:6]}-{time[6:8]} {time[9:11]}:{time[11:13]} UTC"
-    outcome, same_task = f"unknown, {path.name} is not complete", True
     try:
-        recording = Recording(path)
-        for record in recording.records(Goal, Result):
-            if isinstance(record, Goal):
-                same_task = record.name == name
-            elif isinstance(record, Result):
-                outcome = f"{record.state} {when}"
+        recording = IndexedRecording(path)
+        goal, result = recording.record_at(0, Goal), recording.record_at(-1, Result)
         own = robot.path.name
         same_robot = recording.notes.get("robot", {}).get("file", own) == own
     except LogError:
-        return outcome  # reported as incomplete
-    return outcome if same_task and same_robot else ""
+        goal = result = None
+        same_robot = True
+    if not same_robot or (goal and goal.name != name):
+        return ""
+    return f"{result.state} {when}" if result else f"unknown, {path.name} is not complete"
 
 
 @command()

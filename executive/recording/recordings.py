@@ -127,12 +127,12 @@ class Recordings:
             LogError: The recording cannot be created.
         """
         recorder = self._create("move" if goal.task == logs.MOVE else goal.task)
-        with self._counting:
+        record = logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed, start)
+        with self._counting:  # no frame comes before the beginning
+            self._begin(recorder, files, record, self._arm_state(record.time))
             self._recorder, self.path, self.frames = recorder, str(recorder.path), 0
         self._meshes.clear()
         self._exchanges.restart()
-        record = logs.Goal(self._clock.now(), goal.identity, goal.task, name, seed, start)
-        self._begin(recorder, files, record, self._arm_state(record.time))
         self._watch(record)
 
     def goal_changed(self, status: GoalStatus) -> None:

@@ -27,8 +27,9 @@ def _frozen_with_slots(cls: type, kw_only: bool) -> Any:
     made: Any = make(cls)
     fields = dataclasses.fields(made)
     shown = [field.name for field in fields if field.repr]
-    # With the class, there are always two values or more, so that the getter returns a tuple.
-    values = attrgetter("__class__", *(field.name for field in fields if field.compare))
+    # With the class twice, there are always two values or more, so that the getter returns a tuple.
+    compared = (field.name for field in fields if field.compare)
+    values = attrgetter("__class__", "__class__", *compared)
 
     def represent(self: object) -> str:
         listed = ", ".join(f"{name}={getattr(self, name)!r}" for name in shown)
@@ -42,7 +43,7 @@ def _frozen_with_slots(cls: type, kw_only: bool) -> Any:
         "__init__": _Init(made),
         "__repr__": represent,
         "__eq__": equals,
-        "__hash__": lambda self: hash(values(self)[1:]),  # the hash of a class is its address
+        "__hash__": lambda self: hash(values(self)[2:]),  # the hash of a class is its address
         "__setattr__": _set_once,
         "__delattr__": _refuse_delete,
     }

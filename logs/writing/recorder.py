@@ -67,8 +67,9 @@ class Recorder:
         self.path = path
         self._epoch_ns = epoch_ns
         self._on_failure = on_failure
-        # Numbers of frames that were put, and that were written. The streamer compares them to see
-        # that all are written. To ask the writing thread takes 40 us, or 3 ms if a thread is busy.
+        # Numbers of frames and of beginnings (`put_made`) that were put, and that were written. The
+        # streamer compares them to see that all are written. To ask the writing thread takes 40 us,
+        # or 3 ms if a thread is busy.
         self._sent = self._kept = 0
         self._lost = 0
         self._cause: Exception | None = None
@@ -98,8 +99,10 @@ class Recorder:
         """Queue items that take long to make, for writing as one piece. It never blocks or raises.
 
         Args:
-            make: Callback that returns the items; no frame. The writing thread calls it.
+            make: Callback that returns the items; no frame. The writing thread calls it. The caller
+                must put these items before the first frame.
         """
+        self._sent += 1  # the first frame waits for these items, too
         self._jobs.put(partial(self._make, make))
 
     @property
@@ -212,13 +215,12 @@ class Recorder:
         if self._ended.is_set():
             return
         try:
-            items = tuple(make())
+            if items := tuple(make()):
+                self._take(items)
         except Exception as cause:
             self._lost += 1
             self._fail(cause)
-        else:
-            if items:
-                self._take(items)
+        self._kept += 1
 
     def _take(self, items: tuple[Item, ...]) -> None:
         if self._ended.is_set():

@@ -172,7 +172,8 @@ class World:
             raise BadWorld(f"Two bodies have the name {name}; rename one")
 
     def __hash__(self) -> int:
-        return hash(tuple(body.name for body in self.bodies))  # quick also for 400 bodies
+        # Of few attributes, because a planner looks up worlds of hundreds of bodies.
+        return hash(tuple((body.name, body.position) for body in self.bodies))
 
     def body(self, name: str) -> Body:
         """Return the body with the given name.

@@ -25,6 +25,7 @@ from .body_meshes import BodyMesh, BodyMeshes
 
 # Largest numbers of pairs of hulls and of exact shapes. At both limits, a planner needs 1 GB.
 MAX_HULL_PAIRS, MAX_EXACT_PAIRS = 10_000, 40_000
+_STEP = 8  # known geometries have multiples of this number of shapes
 
 
 class ShapePairs(NamedTuple):
@@ -258,19 +259,24 @@ def geometry_of(shapes: Sequence[pin.GeometryObject]) -> pin.GeometryModel:
     """Return a geometry with some shapes, and without pairs.
 
     To add a shape, pinocchio copies a matrix of all pairs: 400 shapes take 15 ms. To replace the
-    shapes of another geometry takes 1 ms.
+    shapes of another geometry takes 1 ms. So the first shapes replace those of a known geometry.
     """
-    geometry = _of_size(len(shapes)).copy()
-    for place, shape in enumerate(shapes):
+    known = len(shapes) // _STEP * _STEP
+    geometry = _of_size(known).copy()
+    for place, shape in enumerate(shapes[:known]):
         geometry.geometryObjects[place] = shape
+    for shape in shapes[known:]:
+        geometry.addGeometryObject(shape)
     return geometry
 
 
-@lru_cache(maxsize=8)
+@lru_cache(maxsize=4)
 def _of_size(count: int) -> pin.GeometryModel:
-    """Return a geometry with that many equal shapes."""
-    geometry = pin.GeometryModel()
-    for _ in range(count):
+    """Return a geometry with that many equal shapes, a multiple of `_STEP`."""
+    if not count:
+        return pin.GeometryModel()
+    geometry = _of_size(count - _STEP).copy()
+    for _ in range(_STEP):
         shape = pin.GeometryObject("", 0, 0, pin.SE3.Identity(), coal.Sphere(1.0))
         geometry.addGeometryObject(shape)
     return geometry

@@ -161,6 +161,23 @@ def test_no_command_is_sent_without_a_recording(
     assert (outcome.code, arm.opened, sent) == ("log.incomplete", 1, [])
 
 
+def test_the_first_frame_of_a_later_goal_waits_for_its_beginning(
+    rig: RigMaker, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    arm, begun = rig(), list[int]()
+    real, never = recorder.Recorder._make, threading.Event()
+
+    def slow(self: recorder.Recorder, make: Any) -> None:
+        never.wait(0.2)
+        real(self, make)
+        begun.append(len(arm.frames))
+
+    monkeypatch.setattr(recorder.Recorder, "_make", slow)
+    first, second = arm.run(1, 0)
+    assert begun == [0, first.frames]
+    assert second.success
+
+
 def test_a_recording_that_begins_too_late_is_the_cause(
     rig: RigMaker, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -128,6 +128,7 @@ def test_methods_of_a_class_are_kept() -> None:
 
 def test_a_hash_does_not_depend_on_the_process() -> None:
     assert hash(Ours(1, 2, made=())) == hash(Theirs(1, 2, made=()))
+    assert hash(Nothing()) == hash(())
 
 
 def test_no_attribute_can_be_added() -> None:
