@@ -103,9 +103,11 @@ def run(
 def in_motion(
     scene: Scene, file: Path, board: BoardProcess, environment: Mapping[str, str] | None = None
 ) -> Command:
-    """A run, a random part of a period after a random number of frames."""
+    """A run, a random part of a period after a random number of writes during its motion."""
     command = run(scene, file, board, environment)
-    command.until_event("sent", scene.random.randint(5, 60))
+    command.until_event("schedule")
+    before = len(command.events("sent"))  # requests and commands of the activation
+    command.until_event("sent", before + scene.random.randint(5, 60))
     time.sleep(scene.random.uniform(0.0, PERIOD))  # noqa: TID251, a random moment
     return command
 
