@@ -1,8 +1,8 @@
-"""Frozen dataclasses with slots that are made in an eighth of the time.
+"""Frozen dataclasses with slots that are made in a tenth of the time.
 
-`dataclasses.dataclass` compiles six methods for each class. `armtree run` makes 150 such classes
-before the arm starts; they took a third of that time. Here a class compiles `__init__` when its
-first instance is made, and nothing else. Fields with `init=False` and `InitVar` are not supported.
+`dataclasses.dataclass` compiles six methods for each class, in 0.9 ms. `armtree run` makes 104 such
+classes before its board boots. Here a class is made in 0.1 ms. It compiles `__init__`, and nothing
+else, when its first instance is made, in 0.2 ms. `InitVar` and `init=False` are not supported.
 Type checkers see the decorator of the standard library.
 """
 

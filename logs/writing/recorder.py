@@ -215,11 +215,13 @@ class Recorder:
         if self._ended.is_set():
             return
         try:
-            if items := tuple(make()):
-                self._take(items)
-        except Exception as cause:
+            items = tuple(make())
+        except Exception as cause:  # all recorders share this thread, so it must not end
             self._lost += 1
             self._fail(cause)
+        else:
+            if items:
+                self._take(items)
         self._kept += 1
 
     def _take(self, items: tuple[Item, ...]) -> None:
