@@ -30,8 +30,10 @@ _SHARES = np.concatenate([np.arange(1.0, 2.0**k, 2.0) / 2.0**k for k in range(1,
 _FEW_SHARES = _SHARES[:7]
 _LINE_SAMPLES = np.linspace(0.0, 1.0, 8)[1:-1, None]
 _NO_RADIUS = np.zeros(1)
-_T = np.linspace(0.0, 1.0, 11)[1:-1, None, None]
-_FIRST = np.isin(np.arange(len(_T)), (0, len(_T) // 2, len(_T) - 1))  # samples filtered first
+# Samples of a candidate for the filter. They are denser near the ends, because start and goal are
+# often in narrow places.
+_T = 0.5 - 0.5 * np.cos(np.linspace(0.0, np.pi, 13))[1:-1, None, None]
+_FIRST = np.isin(np.arange(len(_T)), (1, len(_T) // 2, len(_T) - 2))  # samples filtered first
 _BEND_WEIGHTS = np.array([(1.0 - _T) ** 2, 2.0 * _T * (1.0 - _T), _T**2])
 _CORNER_WEIGHTS = np.maximum(0.0, [1.0 - 2.0 * _T, 1.0 - abs(2.0 * _T - 1.0), 2.0 * _T - 1.0])
 
