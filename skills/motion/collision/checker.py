@@ -24,8 +24,6 @@ from .distance import SignedDistance
 from .narrow_phase import NarrowPhase
 from .planning_scene import PlanningScene
 
-_FEW_ROWS = 16  # checked at a time for a collision
-
 
 class Contact(NamedTuple):
     """The closest two links.
@@ -46,10 +44,10 @@ class Proximity(NamedTuple):
     """Result of `CollisionChecker.proximity`.
 
     Attributes:
-        collision: First row with two links closer than the least distance, or None.
-        near: True for each row with two links closer than their margin; valid if there is no
-            collision (N,).
-        pairs: All pairs of links that are closer than their margin in some row.
+        collision: A row with two links closer than the least distance, or None if none was found.
+        near: True for each row with two hulls closer than their margin (N,).
+        pairs: All pairs of hulls that are closer than their margin in some row; valid if there is
+            no collision.
     """
 
     collision: int | None
@@ -241,67 +239,32 @@ class CollisionChecker:
         return Contact(links[ends.first], links[ends.second], distance)
 
     def proximity(
-        self,
-        configurations: Array,
-        margins: Array,
-        least: float,
-        pairs: frozenset[int],
-        exact: bool,
+        self, configurations: Array, margins: Array, least: float, pairs: frozenset[int]
     ) -> Proximity:
-        """Find the configurations in which two links are closer than their margin.
+        """Find the configurations in which two hulls are closer than their margin.
+
+        Only the first of those with hulls closer than `least` is checked for a collision.
 
         Args:
             configurations: All actuated joints, at most `BATCH` rows (N, A) [rad].
             margins: Margin of each pair of `scene.hulls`, at least `least` (P,) [m].
-            least: Distance below which a pair counts as a collision [m].
+            least: Distance of shapes below which a pair counts as a collision [m].
             pairs: Pairs of `scene.hulls` to check.
-            exact: False to skip the narrow phase; rows with close hulls but distant shapes are then
-                also near.
 
         Raises:
             NotFinite: A position is NaN or infinite.
         """
         q, broad = self._coordinates(configurations), self._broad_phase(pairs)
-        if not exact:
-            return self._hull_proximity(q, margins, least, pairs)
         broad.set_margins(pairs, margins)
         near = broad.collisions(q, stop=False)
         rows = near.nonzero()[0]
         if not rows.size:
             return Proximity(None, near, frozenset())
-        near, found, hit = np.zeros_like(near), set[int](), None
-        for k in sorted(broad.close_pairs(q[rows])):
-            margin = float(margins[k])
-            self._some_hulls.set_margins(frozenset((k,)), margins)
-            doubtful = rows[self._some_hulls.collisions(q[rows], stop=False)]
-            close = doubtful[self._narrow.collisions(q[doubtful], k, margin, stop=False)]
-            if close.size:
-                near[close] = True
-                found.add(k)
-        if found:
-            rows = near.nonzero()[0]
-            hit = self._first_collision(q[rows], least, frozenset(found))
-        return Proximity(None if hit is None else int(rows[hit]), near, frozenset(found))
-
-    def _hull_proximity(
-        self, q: Array, margins: Array, least: float, pairs: frozenset[int]
-    ) -> Proximity:
-        """Find the configurations in which two hulls are closer than their margin.
-
-        It begins with few rows, because most paths that are not free collide early.
-        """
-        broad, near = self._broad_phase(pairs), np.zeros(len(q), bool)
-        for begin in range(0, len(q), _FEW_ROWS):
-            part = q[begin : begin + _FEW_ROWS]
-            broad.set_margins(pairs, margins)
-            close = broad.collisions(part, stop=False).nonzero()[0]
-            near[begin + close] = True
-            if close.size:
-                first = self._first_doubt(part[close], least, pairs)
-                if first is not None and self._collides(part[close[first]], least, pairs):
-                    return Proximity(begin + int(close[first]), near, frozenset())
+        first = self._first_doubt(q[rows], least, pairs)
+        if first is not None and self._collides(q[rows[first]], least, pairs):
+            return Proximity(int(rows[first]), near, frozenset())
         broad.set_margins(pairs, margins)
-        return Proximity(None, near, broad.close_pairs(q[near]))
+        return Proximity(None, near, broad.close_pairs(q[rows]))
 
     def close_pairs(self, configurations: Array, margin: float) -> frozenset[int]:
         """Return the pairs with hulls closer than a margin [m] in some configuration (N, A)."""

@@ -27,6 +27,7 @@ _LEVELS = 3
 _REFINEMENT = 4
 _CHUNK = 2**14  # section numbers generated at a time
 _CACHED = 2**11  # largest number of sections with a cached order
+_LONG = 1.0  # a line with more travel is first checked at a few points [m]
 # Checked shares of a line between two free points, in this order.
 _SAMPLES = np.array([3.0, 1.0, 5.0, 2.0, 4.0])[:, None] / 6.0
 _SUBSECTIONS = np.arange(1.0 - _REFINEMENT, _REFINEMENT, 2.0)
@@ -101,6 +102,8 @@ class MotionValidator:
     def line_is_free(self, a: Array, b: Array) -> bool:
         """Return True if the line between two free points is free."""
         travels = self.lever_arms @ abs(b - a)
+        if self.proves and travels.max(initial=0.0) > _LONG and not self.seems_free(a, b):
+            return False
         return self.colliding_share(lambda shares: a + shares[:, None] * (b - a), travels) is None
 
     def curve_is_free(self, curve: Curve) -> bool:
@@ -178,9 +181,7 @@ class MotionValidator:
             hit = self.checker.first_collision(rows, self.margin, pairs)
             return Proximity(hit, np.zeros(len(rows), bool), frozenset())
         margins = np.maximum(self.guaranteed + travels, self.margin)
-        # For the longest sections, exact shapes hardly ever prove more than hulls.
-        exact = level < _LEVELS - 1
-        return self.checker.proximity(rows, margins, self.margin, pairs, exact)
+        return self.checker.proximity(rows, margins, self.margin, pairs)
 
 
 def uniform_travel(breaks: Array, travels: Array) -> tuple[Path, Array]:

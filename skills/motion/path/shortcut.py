@@ -32,7 +32,7 @@ def _skip_waypoints(validator: MotionValidator, path: Array) -> Array | None:
     kept, i = [0], 0
     while i < len(path) - 1:
         further = range(len(path) - 1, i, -1)
-        reached = next((j for j in further if _is_free(validator, path[i], path[j])), None)
+        reached = next((j for j in further if validator.line_is_free(path[i], path[j])), None)
         if reached is None:
             return None
         kept.append(i := reached)
@@ -57,10 +57,6 @@ def _cut_corners(validator: MotionValidator, path: Array) -> Array:
 def _cut_corner(validator: MotionValidator, corner: Array, before: Array, after: Array) -> Array:
     for share in _CUTS:
         ends = corner + share * np.array([before, after])
-        if _is_free(validator, ends[0], ends[1]):
+        if validator.line_is_free(ends[0], ends[1]):
             return ends
     return corner[None, :]
-
-
-def _is_free(validator: MotionValidator, a: Array, b: Array) -> bool:
-    return validator.seems_free(a, b) and validator.line_is_free(a, b)
