@@ -1,5 +1,9 @@
 """Texts of nodes for task files, with shipped skills. Corrections and taught tasks use them."""
 
+from collections.abc import Set
+
+from py_trees.ports import get_ports_registry
+
 from .leaves.blackboard import Compare
 from .leaves.check_hardware import CheckHardware
 from .leaves.result import Fail, Succeed
@@ -17,3 +21,14 @@ def wait_node(duration: str) -> str:
 def compare_node(left: str, sign: str, right: str) -> str:
     """Return the text of a node that compares two values, in braces."""
     return f'{{{Compare.__name__}: {{left: {left}, is: "{sign}", right: {right}}}}}'
+
+
+def condition_with(ports: Set[str]) -> str:
+    """Return the name of a condition with exactly these input ports; empty if there is none."""
+    kinds = get_ports_registry().items()
+    found = (
+        name
+        for name, kind in kinds
+        if getattr(kind, "condition", False) and kind.input_ports().keys() == ports
+    )
+    return next(found, "")

@@ -8,9 +8,9 @@ from py_trees.common import Status
 
 from hardware import Clock
 
-from .base import Skill
 from .context import Context
 from .errors import ConditionFails, FunctionFailed
+from .leaves import Skill  # the shipped skills are registered first
 from .ports import Port
 
 Function = TypeVar("Function", bound=Callable[..., Any])

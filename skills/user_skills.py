@@ -15,6 +15,8 @@ from py_trees.ports import get_ports_registry, register_ports_class
 from hardware import read_file
 from hardware.installed import EntryPoint, entry_points
 
+from . import leaves as leaves  # the shipped skills are registered before those of users
+
 GROUP = "armtree.skills"
 _MAX_BYTES = 2**20  # largest size of a file [bytes]
 

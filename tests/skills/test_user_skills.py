@@ -165,3 +165,18 @@ def test_ctrl_c_while_a_plugin_loads_is_meant_for_the_command(tmp_path: Path) ->
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 130
     assert "left out" not in done.stderr
+
+
+@pytest.mark.parametrize(
+    "own",
+    [
+        "from armtree import Skill\nclass Wait(Skill):\n    def on_start(self): ...",
+        "from armtree import skill\n@skill\ndef Wait() -> None: ...",
+    ],
+    ids=["class", "function"],
+)
+def test_a_skill_of_a_program_replaces_the_shipped_one(own: str) -> None:
+    shown = "from trees.compile.port_types import known_skills\nprint(known_skills()['Wait'])"
+    command = [sys.executable, "-W", "ignore", "-c", f"{own}\n{shown}"]
+    ran = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert ran.stdout == "<class '__main__.Wait'>\n"

@@ -98,14 +98,12 @@ def _as_node(value: Located) -> str:
 
 def _as_selector(keys: Mapping[str, Located]) -> list[str]:
     """Return the lines of a selector that is equivalent to if, then and else."""
-    from py_trees.ports import get_ports_registry  # slow to load
+    from skills import condition_with  # slow; only for a mistake
 
     condition, ports = _as_node(keys["if"]), nested(keys["if"]).keys()
     condition = comparison(keys["if"]) or condition
-    for name, kind in get_ports_registry().items() if ports else ():
-        if getattr(kind, "condition", False) and kind.input_ports().keys() == ports:
-            condition = f"{{{name}: {condition}}}"  # the file gives only the ports
-            break
+    if name := ports and condition_with(ports):
+        condition = f"{{{name}: {condition}}}"  # the file gives only the ports
     inverted = f"inverter: {condition}"
     nodes = {word: _as_node(keys[word]) for word in ("then", "else") if word in keys}
     if "else" not in nodes:

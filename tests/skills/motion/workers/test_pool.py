@@ -436,9 +436,16 @@ def test_workers_end_with_their_parent() -> None:
 
 
 @pytest.mark.slow
-def test_the_parent_loads_no_planning_library() -> None:
-    heavy = {"pinocchio", "coal", "matplotlib"}
-    code = f"import sys, skills.motion; print(sorted({heavy} & set(sys.modules)))"
+@pytest.mark.parametrize(
+    ("module", "unused"),
+    [
+        ("skills.motion", {"pinocchio", "coal", "matplotlib"}),
+        ("skills.motion.workers.worker_main", {"py_trees", "ruamel", "click", "matplotlib"}),
+    ],
+    ids=["parent", "worker"],
+)
+def test_a_process_loads_only_the_libraries_it_needs(module: str, unused: set[str]) -> None:
+    code = f"import sys, {module}; print(sorted({unused} & set(sys.modules)))"
     root = str(ROOT)
     out = subprocess.run([sys.executable, "-c", code], cwd=root, capture_output=True, check=True)
     assert out.stdout == b"[]\n"
