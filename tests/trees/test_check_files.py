@@ -388,3 +388,16 @@ def test_a_loop_of_links_is_a_mistake(robot: Robot, tmp_path: Path) -> None:
         assert [each.message for each in mistakes] == [
             "cannot be read: Too many levels of symbolic links"
         ]
+
+
+@pytest.mark.parametrize("kind", ["ange", "text", "number", "[angle]"])
+def test_a_bound_without_a_unit_beside_a_wrong_type(
+    robot: Robot, tmp_path: Path, kind: str
+) -> None:
+    file = tmp_path / "20_swing.yaml"
+    swing = f"{{type: {kind}, default: 20 deg, max: 60}}"
+    file.write_text(
+        f"task: 20\nparameters:\n  swing: {swing}\ntree:\n  Wait: {{duration: $swing}}\n"
+    )
+    said = [mistake.message for mistake in check(robot, None, [file]).mistakes]
+    assert "max: 60 without a unit is 60 rad; did you mean 60 deg?" in said

@@ -521,8 +521,8 @@ class _Parser:
     def _bound(self, kind: str, value: Located | None, key: str, default: Located | None) -> Any:
         if value is None:
             return None
-        if near := in_unit_of_default(value, default, key):
-            unit = next(iter(UNITS[kind]))
+        if default and (near := in_unit_of_default(value, default, key)):
+            unit = next(iter(UNITS[measured(default)]))  # the type may be wrong
             why = f"{key}: {value} without a unit is {value} {unit}{did_you_mean(near)}"
             self._wrong(value.place, why, value.instead(near))
             value = replace(value, value=near)
