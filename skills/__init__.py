@@ -1,4 +1,7 @@
-"""Skills: the leaves that task files name, and the interface to write more of them."""
+"""Skills: the leaves that task files name, and the interface to write more of them.
+
+The names are loaded at their first use: a planner process needs only `skills.motion`.
+"""
 
 import typing
 
@@ -47,7 +50,7 @@ if typing.TYPE_CHECKING:
     )
     from .leader import Blocked as Blocked, Leader as Leader, NullLeader as NullLeader
 
-    # The shipped skills are registered before a user can define another skill.
+    # Not from `base`, so that the shipped skills are registered before a user defines another one.
     from .leaves import Skill as Skill
     from .ports import Port as Port, Positions as Positions
     from .question import NoOperator as NoOperator, Operator as Operator, Question as Question

@@ -1,4 +1,4 @@
-"""Texts of nodes for task files, with shipped skills. Corrections and taught tasks use them."""
+"""Texts and names of skills for nodes of task files. Corrections and taught tasks use them."""
 
 from collections.abc import Set
 

@@ -24,6 +24,9 @@ from .distance import SignedDistance
 from .narrow_phase import NarrowPhase
 from .planning_scene import PlanningScene
 
+# Share of rows with close hulls from which the exact shapes of overlapping hulls are checked.
+_OFTEN = 0.5
+
 
 class Contact(NamedTuple):
     """The closest two links.
@@ -243,7 +246,7 @@ class CollisionChecker:
     ) -> Proximity:
         """Find the configurations in which two hulls are closer than their margin.
 
-        Only the first of those with hulls closer than `least` is checked for a collision.
+        Of the rows with hulls closer than `least`, only the first one is checked for a collision.
 
         Args:
             configurations: All actuated joints, at most `BATCH` rows (N, A) [rad].
@@ -263,8 +266,31 @@ class CollisionChecker:
         first = self._first_doubt(q[rows], least, pairs)
         if first is not None and self._collides(q[rows[first]], least, pairs):
             return Proximity(int(rows[first]), near, frozenset())
+        often = first is not None and len(rows) > _OFTEN * len(q)
+        overlapping = broad.close_pairs(q[rows]) if often else frozenset[int]()
         broad.set_margins(pairs, margins)
-        return Proximity(None, near, broad.close_pairs(q[rows]))
+        close = broad.close_pairs(q[rows])
+        if overlapping:
+            near[rows] = self._near(q[rows], margins, pairs, overlapping)
+        return Proximity(None, near, close)
+
+    def _near(
+        self, q: Array, margins: Array, pairs: frozenset[int], overlapping: frozenset[int]
+    ) -> Mask:
+        """Return True for each row with two hulls closer than their margin (N,).
+
+        Hulls of overlapping pairs prove nothing, so their exact shapes are checked: of an arm in a
+        room, which is a mesh, all hulls are inside the hull of the room.
+        """
+        hulls = self._some_hulls
+        hulls.set_margins(pairs - overlapping, margins)
+        near = hulls.collisions(q, stop=False)
+        for k in sorted(overlapping):
+            hulls.set_margins(frozenset((k,)), margins)
+            left = (~near).nonzero()[0]
+            left = left[hulls.collisions(q[left], stop=False)]
+            near[left] = self._narrow.collisions(q[left], k, float(margins[k]), stop=False)
+        return near
 
     def close_pairs(self, configurations: Array, margin: float) -> frozenset[int]:
         """Return the pairs with hulls closer than a margin [m] in some configuration (N, A)."""

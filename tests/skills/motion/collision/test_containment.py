@@ -131,3 +131,16 @@ def test_inside_and_outside(point: tuple[float, float, float]) -> None:
         solid = EnclosedVolume(mesh)
         assert solid.closed
         assert solid.contains(np.array(point)) == (max(map(abs, point)) < 1.0)
+
+
+def test_exact_shapes_show_that_an_arm_is_far_from_the_walls_of_a_room(tmp_path: Path) -> None:
+    """The hull of the room contains the arm, so hulls do not show it."""
+    room = World((Body("room", cube(tmp_path, (1.0, -0.99))),))
+    checker = CollisionChecker(PlanningScene(ROBOT, room))
+    links = checker.scene.linked_pairs(checker.scene.hulls)
+    walls = frozenset(k for k, pair in enumerate(links) if "room" in pair)
+    rows = np.zeros((4, len(ROBOT.actuated)))
+    for margin, near in ((0.04, False), (0.9, True)):
+        found = checker.proximity(rows, np.full(len(links), margin), 0.005, walls)
+        assert found.collision is None
+        assert found.near.tolist() == [near] * len(rows)
