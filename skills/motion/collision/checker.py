@@ -48,7 +48,7 @@ class Proximity(NamedTuple):
 
     Attributes:
         collision: A row with two links closer than the least distance, or None if none was found.
-        near: True for each row with two hulls closer than their margin (N,).
+        near: True for each row with two hulls closer than their margin; see `proximity` (N,).
         pairs: All pairs of hulls that are closer than their margin in some row; valid if there is
             no collision.
     """
@@ -246,7 +246,8 @@ class CollisionChecker:
     ) -> Proximity:
         """Find the configurations in which two hulls are closer than their margin.
 
-        Of the rows with hulls closer than `least`, only the first one is checked for a collision.
+        If that is the case in most rows, exact shapes are checked where hulls are closer than
+        `least`. Of the rows with such hulls, only the first one is checked for a collision.
 
         Args:
             configurations: All actuated joints, at most `BATCH` rows (N, A) [rad].
@@ -277,14 +278,14 @@ class CollisionChecker:
     def _near(
         self, q: Array, margins: Array, pairs: frozenset[int], overlapping: frozenset[int]
     ) -> Mask:
-        """Return True for each row with two hulls closer than their margin (N,).
+        """Return True for each row with a pair closer than its margin (N,).
 
-        Hulls of overlapping pairs prove nothing, so their exact shapes are checked: of an arm in a
-        room, which is a mesh, all hulls are inside the hull of the room.
+        Overlapping hulls prove nothing, so the exact shapes of these pairs are checked. For
+        example, an arm in a room is inside the hull of the room.
         """
-        hulls = self._some_hulls
-        hulls.set_margins(pairs - overlapping, margins)
-        near = hulls.collisions(q, stop=False)
+        broad, hulls = self._broad_phase(pairs), self._some_hulls
+        broad.set_margins(pairs - overlapping, margins)
+        near = broad.collisions(q, stop=False)
         for k in sorted(overlapping):
             hulls.set_margins(frozenset((k,)), margins)
             left = (~near).nonzero()[0]
