@@ -27,7 +27,7 @@ _LEVELS = 3
 _REFINEMENT = 4
 _CHUNK = 2**14  # section numbers generated at a time
 _CACHED = 2**11  # largest number of sections with a cached order
-_LONG = 1.0  # travel of a line whose proof takes longer than checks at a few points [m]
+_LONG = 1.0  # travel above which a line is first checked at a few points [m]
 # Checked shares of a line between two free points, in this order.
 _SAMPLES = np.array([3.0, 1.0, 5.0, 2.0, 4.0])[:, None] / 6.0
 _SUBSECTIONS = np.arange(1.0 - _REFINEMENT, _REFINEMENT, 2.0)
