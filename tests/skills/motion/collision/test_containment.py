@@ -27,6 +27,7 @@ from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 from skills.motion.robot_model.geometry import EnclosedVolume
+from tests.support.arms.cube_mesh import CORNERS, TRIANGLES, cube
 from tests.support.arms.robots import foreign
 
 pytestmark = pytest.mark.slow
@@ -34,25 +35,6 @@ pytestmark = pytest.mark.slow
 ROBOT = load_robot()
 PLANNER = Planner(ROBOT)
 STAND, AWAY = (0.0,) * 4, (0.5, 0.0, 0.0)
-CUBE = np.array(list(product((-1.0, 1.0), repeat=3)))
-FACES = [(0, 1, 3, 2), (4, 6, 7, 5), (0, 4, 5, 1), (2, 3, 7, 6), (0, 2, 6, 4), (1, 5, 7, 3)]
-TRIANGLES = [(a, *pair) for a, b, c, d in FACES for pair in ((b, c), (c, d))]
-TOP = 2  # triangles of the last face, which is that of z = 1
-
-
-def cube(folder: Path, sizes: tuple[float, ...], open_top: bool = False) -> Mesh:
-    """Nested cubes as an STL: every triangle with its own vertices.
-
-    Sizes are half the edges [m]; those below 0 face inward.
-    """
-    lines = ["solid"]
-    for size in sizes:
-        for triangle in TRIANGLES[: -TOP if open_top else None]:
-            corners = "\n".join("vertex {} {} {}".format(*(size * CUBE[i])) for i in triangle)
-            lines.append(f"facet normal 0 0 0\nouter loop\n{corners}\nendloop\nendfacet")
-    file = folder / "cube.stl"
-    file.write_text("\n".join([*lines, "endsolid\n"]))
-    return Mesh(str(file))
 
 
 def test_a_body_inside_a_mesh_link_and_its_depth() -> None:
@@ -108,6 +90,13 @@ def test_an_arm_in_a_mesh_of_the_world(
             PLANNER.verify(Verify(rows, 0.005, world=there))
 
 
+def test_an_arm_in_the_thick_wall_of_a_room(tmp_path: Path) -> None:
+    """The wall is 1 m thick, so the arm is far from all triangles."""
+    room = World((Body("room", cube(tmp_path, (4.0, -3.0)), (3.5, 0.0, 0.0)),))
+    with pytest.raises(StartInCollision, match="room"):
+        PLANNER.plan(Query("arm", STAND, AWAY, world=room))
+
+
 @pytest.mark.parametrize("shape", [Box((0.01, 0.01, 0.01)), Mesh("small")])
 def test_a_held_body_in_a_mesh(tmp_path: Path, shape: Shape) -> None:
     """Two bodies of the world, no link."""
@@ -120,20 +109,40 @@ def test_a_held_body_in_a_mesh(tmp_path: Path, shape: Shape) -> None:
         PLANNER.plan(Query("arm", STAND, AWAY, world=World((held, around))))
 
 
-@given(st.tuples(*[st.floats(-1.5, 1.5)] * 3))
-def test_inside_and_outside(point: tuple[float, float, float]) -> None:
-    if not np.isclose(np.abs(point), 1.0).any():
-        mesh = coal.BVHModelOBBRSS()
-        mesh.beginModel(len(TRIANGLES), len(CUBE))
-        mesh.addVertices(CUBE)
-        mesh.addTriangles(np.array(TRIANGLES))
-        mesh.endModel()
-        solid = EnclosedVolume(mesh)
-        assert solid.closed
-        assert solid.contains(np.array(point)) == (max(map(abs, point)) < 1.0)
+def solid(count: int) -> EnclosedVolume:
+    """A cube, of its first triangles."""
+    mesh = coal.BVHModelOBBRSS()
+    mesh.beginModel(count, len(CORNERS))
+    mesh.addVertices(CORNERS)
+    mesh.addTriangles(np.array(TRIANGLES[:count]))
+    mesh.endModel()
+    return EnclosedVolume(mesh)
 
 
-def test_exact_shapes_show_that_an_arm_is_far_from_the_walls_of_a_room(tmp_path: Path) -> None:
+POINTS = st.lists(st.tuples(*[st.floats(-1.5, 1.5)] * 3), max_size=5)
+
+
+@given(POINTS)
+def test_inside_and_outside(points: list[tuple[float, float, float]]) -> None:
+    closed = solid(len(TRIANGLES))
+    assert closed.closed
+    for point in points:
+        if not np.isclose(np.abs(point), 1.0).any():
+            assert closed.contains(np.array(point)) == (max(map(abs, point)) < 1.0)
+
+
+@given(POINTS)
+def test_an_answer_for_an_open_mesh_does_not_depend_on_the_points_before(
+    points: list[tuple[float, float, float]],
+) -> None:
+    """Through the open side, a line connects a point inside and one outside."""
+    tray, inside, above = solid(len(TRIANGLES) - 2), np.zeros(3), np.array([0.0, 0.0, 1.4])
+    assert not tray.closed
+    for point in (inside, above, inside, *map(np.array, points)):
+        assert tray.contains(point) == solid(len(TRIANGLES) - 2).contains(point)
+
+
+def test_an_arm_is_far_from_the_walls_of_a_room(tmp_path: Path) -> None:
     """The hull of the room contains the arm, so hulls do not show it."""
     room = World((Body("room", cube(tmp_path, (1.0, -0.99))),))
     checker = CollisionChecker(PlanningScene(ROBOT, room))

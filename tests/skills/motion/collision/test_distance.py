@@ -11,7 +11,8 @@ from skills.motion import Body, Box, Mesh, Query, Shape, Sphere, StartInCollisio
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
-from tests.skills.motion.collision.test_containment import AWAY, STAND, cube
+from tests.skills.motion.collision.test_containment import AWAY, STAND
+from tests.support.arms.cube_mesh import cube
 
 pytestmark = pytest.mark.slow
 
