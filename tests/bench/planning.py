@@ -37,7 +37,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from hardware import Robot, load_robot
-from tests.bench.planners import changed_worlds, clutter, held_out, mesh_arms, narrow
+from tests.bench.planners import changed_worlds, clutter, held_out, mesh_arms, narrow, room
 from tests.bench.planners.compared_planners import PEERS, Score, installed, ours, peer
 from tests.bench.planners.continued_motions import score_continued
 from tests.bench.planners.growth import Growth, growths
@@ -173,6 +173,11 @@ def world_rows(robot: Robot, count: int, folder: Path) -> Iterator[Row]:
     yield Row("next_after_kill_of_400_ms", "ms", again, at_most=300.0, each=True)
     again = list(changed_worlds.next_after_kill_beside_mesh(robot, count, folder))
     yield Row("next_after_kill_beside_mesh_ms", "ms", again, at_most=300.0, each=True)
+
+
+def room_row(count: int, folder: Path) -> Row:
+    """Return the time to plan in a room that is one mesh, by that in a room of boxes."""
+    return Row("room_ratio", "1", list(room.ratios(count, folder)))
 
 
 def held_out_rows(folder: Path, scenes: int, seed: int) -> Iterator[Row]:
@@ -353,6 +358,7 @@ def groups(
         "next_after_kill_beside_mesh_ms",
         lambda: world_rows(robot, 5 if quick else 20, folder),
     )
+    yield "room_ratio", lambda: [room_row(30 if quick else 300, folder)]
     yield (
         "held_out_solved held_out_colliding held_out_kept_margin held_out_outside held_out_excess",
         lambda: held_out_rows(folder, 4 if quick else 20, given.seed),

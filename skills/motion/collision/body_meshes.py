@@ -12,6 +12,8 @@ from skills.motion.errors import BadWorld
 from skills.motion.robot_model.geometry import EnclosedVolume, convex_hull
 from skills.motion.world import Mesh, Stamp, mesh_stamp
 
+_FILLED = 0.9  # share of its hull that a convex mesh fills, at least
+
 
 @dataclass(frozen=True, eq=False)
 class BodyMesh:
@@ -21,11 +23,13 @@ class BodyMesh:
         shape: The triangles.
         hull: Their convex hull.
         volume: The volume inside them.
+        concave: True if they fill much less than their hull, as those of a room or a table.
     """
 
     shape: coal.BVHModelBase
     hull: coal.ConvexBase
     volume: EnclosedVolume
+    concave: bool
 
 
 class BodyMeshes:
@@ -65,4 +69,7 @@ def _read(mesh: Mesh, stamp: Stamp | None) -> BodyMesh:
         raise BadWorld(f"The mesh {path} is unusable: {error}") from error
     for geometry in shape, hull:
         geometry.computeLocalAABB()  # coal needs the boxes for its first guess
-    return BodyMesh(shape, hull, EnclosedVolume(shape))
+    # The boxes in front of coal do not see a flat shape, but its hull has some thickness.
+    has_box = shape.aabb_local.volume() > 0.0
+    concave = has_box and abs(shape.computeVolume()) < _FILLED * hull.computeVolume()
+    return BodyMesh(shape, hull, EnclosedVolume(shape), concave)

@@ -24,9 +24,6 @@ from .distance import SignedDistance
 from .narrow_phase import NarrowPhase
 from .planning_scene import PlanningScene
 
-# Share of rows with close hulls from which the exact shapes of overlapping hulls are checked.
-_OFTEN = 0.5
-
 
 class Contact(NamedTuple):
     """The closest two links.
@@ -176,10 +173,14 @@ class CollisionChecker:
         """
         q, broad = self._coordinates(configurations), self._all_hulls
         broad.set_margin(self.pairs, margin)
-        # The hull of a mesh also contains the shapes inside it, so only doubts are checked.
-        for row in broad.collisions(q, stop=False).nonzero()[0].tolist():
-            if self._collides(q[row], margin, self.pairs) or self._containment.pairs(q[row]):
-                return int(row)
+        near = broad.collisions(q, stop=False)
+        # A hull also contains the shapes inside its mesh, but triangles do not.
+        has_triangles = self.scene.broad is not self.scene.hulls
+        for row, is_near in enumerate(near.tolist()):
+            if is_near and self._collides(q[row], margin, self.pairs):
+                return row
+            if (is_near or has_triangles) and self._containment.pairs(q[row]):
+                return row
         return None
 
     def first_invalid_contact(
@@ -246,8 +247,7 @@ class CollisionChecker:
     ) -> Proximity:
         """Find the configurations in which two hulls are closer than their margin.
 
-        If that is the case in most rows, exact shapes are checked where hulls are closer than
-        `least`. Of the rows with such hulls, only the first one is checked for a collision.
+        Of the rows with hulls closer than `least`, only the first one is checked for a collision.
 
         Args:
             configurations: All actuated joints, at most `BATCH` rows (N, A) [rad].
@@ -267,31 +267,8 @@ class CollisionChecker:
         first = self._first_doubt(q[rows], least, pairs)
         if first is not None and self._collides(q[rows[first]], least, pairs):
             return Proximity(int(rows[first]), near, frozenset())
-        often = first is not None and len(rows) > _OFTEN * len(q)
-        overlapping = broad.close_pairs(q[rows]) if often else frozenset[int]()
         broad.set_margins(pairs, margins)
-        close = broad.close_pairs(q[rows])
-        if overlapping:
-            near[rows] = self._near(q[rows], margins, pairs, overlapping)
-        return Proximity(None, near, close)
-
-    def _near(
-        self, q: Array, margins: Array, pairs: frozenset[int], overlapping: frozenset[int]
-    ) -> Mask:
-        """Return True for each row with a pair closer than its margin (N,).
-
-        Overlapping hulls prove nothing, so the exact shapes of these pairs are checked. For
-        example, an arm in a room is inside the hull of the room.
-        """
-        broad, hulls = self._broad_phase(pairs), self._some_hulls
-        broad.set_margins(pairs - overlapping, margins)
-        near = broad.collisions(q, stop=False)
-        for k in sorted(overlapping):
-            hulls.set_margins(frozenset((k,)), margins)
-            left = (~near).nonzero()[0]
-            left = left[hulls.collisions(q[left], stop=False)]
-            near[left] = self._narrow.collisions(q[left], k, float(margins[k]), stop=False)
-        return near
+        return Proximity(None, near, broad.close_pairs(q[rows]))
 
     def close_pairs(self, configurations: Array, margin: float) -> frozenset[int]:
         """Return the pairs with hulls closer than a margin [m] in some configuration (N, A)."""

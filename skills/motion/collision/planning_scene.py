@@ -45,9 +45,10 @@ class ShapePairs(NamedTuple):
 class PlanningScene:
     """Collision geometry of a robot in a world.
 
-    It holds two geometries. In `exact`, each primitive or mesh of the URDF is one shape. In `hulls`
-    each link is one convex hull, so there are far fewer pairs. If two hulls keep a distance, so do
-    the shapes in them.
+    It holds three geometries. In `exact`, each primitive or mesh of the URDF is one shape. In
+    `hulls` each link is one convex hull, so there are far fewer pairs. If two hulls keep a
+    distance, so do the shapes in them. But an arm in a room is always inside the hull of the room.
+    Therefore a concave mesh of the world that never moves is its triangles in `broad`.
 
     Args:
         robot: The robot.
@@ -60,6 +61,8 @@ class PlanningScene:
         kinematics: pinocchio's model of the robot, from `robot_model`.
         exact: Geometry of primitives and meshes.
         hulls: Geometry of convex hulls.
+        broad: Geometry of the broad phase, with the pairs of `hulls`. It is `hulls` itself if no
+            concave mesh stands in the world.
         exact_links: Link or body of each shape of `exact`, or `floor`.
         hull_links: Link or body of each hull, or `floor`.
         volumes: Volume inside each mesh of `exact`, by the mesh's index.
@@ -91,6 +94,7 @@ class PlanningScene:
         volumes, arms = list(model.volumes), list(model.lever_arms)
         meshes = meshes or BodyMeshes()
         self._loaded = list[BodyMesh]()  # later scenes share these as long as this one exists
+        self._concave = dict[str, pin.GeometryObject]()
         for body in world.bodies:
             exact, hull, volume = self._body_shapes(body, meshes)
             shapes.append(exact)
@@ -108,6 +112,9 @@ class PlanningScene:
         checked = self._checked_links(robot.collision)
         self._exact_ends = self._add_pairs(self.exact, checked, MAX_EXACT_PAIRS)
         self._hull_ends = self._add_pairs(self.hulls, checked, MAX_HULL_PAIRS)
+        self.broad = self.hulls.copy() if self._concave else self.hulls
+        for name, triangles in self._concave.items():
+            self.broad.geometryObjects[self.hull_links.index(name)] = triangles
         arms += [model.floor_lever_arms] * (len(hulls) - len(arms))
         self.lever_arms = travel_bounds(robot, arms, self._hull_ends)
 
@@ -193,7 +200,11 @@ class PlanningScene:
         if isinstance(body.shape, Mesh):
             mesh = meshes.load(body.shape)
             self._loaded.append(mesh)
-            return placed(mesh.shape), placed(mesh.hull), mesh.volume
+            exact = placed(mesh.shape)
+            # A body that moves may be checked against the floor, which takes long for triangles.
+            if mesh.concave and not joint:
+                self._concave[body.name] = exact
+            return exact, placed(mesh.hull), mesh.volume
         primitive = _primitive(body.shape)
         primitive.computeLocalAABB()  # coal needs the box of each shape for its first guess
         exact = placed(primitive)

@@ -10,10 +10,11 @@ import pytest
 from hardware import Robot, load_robot
 from skills.motion import Body, Box, Cylinder, Shape, Sphere, World
 from skills.motion.arrays import Array, Mask
-from skills.motion.collision import broad_phase, narrow_phase
+from skills.motion.collision import body_meshes, broad_phase, narrow_phase
 from skills.motion.collision.broad_phase import BroadPhase
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
+from tests.support.arms.cube_mesh import cube
 from tests.support.arms.robots import foreign
 
 ROBOTS: dict[str, Callable[[], Robot]] = {
@@ -29,14 +30,14 @@ SHAPES: tuple[Shape, ...] = (
 )
 
 
-def world(random: np.random.Generator, reach: float) -> World:
-    """Bodies of every kind in any pose; the last one is as small as a body may be."""
+def world(random: np.random.Generator, reach: float, *meshes: Shape) -> World:
+    """Bodies of every kind in any pose; the smallest one is as small as a body may be."""
     bodies = []
-    for i in range(12):
+    for i, shape in enumerate(3 * SHAPES + meshes):
         turn = random.normal(size=4)
         rotation = tuple((turn / np.linalg.norm(turn)).tolist())
         place = tuple(random.uniform(-reach, reach, 3).tolist())
-        bodies.append(Body(f"body_{i}", SHAPES[i % 4], place, rotation))
+        bodies.append(Body(f"body_{i}", shape, place, rotation))
     return World(tuple(bodies))
 
 
@@ -48,9 +49,15 @@ def configurations(robot: Robot, random: np.random.Generator, number: int) -> Ar
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ROBOTS)
-def test_boxes_miss_nothing(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.mark.parametrize("trays", [0, 2])
+def test_boxes_miss_nothing(
+    name: str, trays: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     robot, random = ROBOTS[name](), np.random.default_rng(1)
-    scene = PlanningScene(robot, world(random, 0.8 if name == "seven axes" else 0.3))
+    meshes = trays * [cube(tmp_path, (0.1,), open_top=True)]
+    around = world(random, 0.8 if name == "seven axes" else 0.3, *meshes)
+    scene = PlanningScene(robot, around)
+    assert (scene.broad is scene.hulls) == (not trays)
     q = scene.robot_model.coordinates(configurations(robot, random, 300)).T
     every = frozenset(range(len(scene.hulls.collisionPairs)))
     some = frozenset(k for k in every if k % 3)
@@ -112,3 +119,30 @@ def test_as_few_pools_of_exact_shapes_as_one_find_the_same_collisions(
     monkeypatch.setattr(narrow_phase, "_MAX_POOLS", 1)
     assert found() == many
     assert len({*many}) > 2
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("few", [True, False], ids=["small world", "large world"])
+def test_the_triangles_of_a_concave_mesh_give_the_verdicts_of_its_hull(
+    name: str, few: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What hulls do not decide, exact shapes decide."""
+    robot, random = ROBOTS[name](), np.random.default_rng(4)
+    trays = 2 * [cube(tmp_path, (0.15,), open_top=True)]
+    around = world(random, 1.2 if name == "seven axes" else 0.5, *trays)
+    rows = configurations(robot, random, 300)
+    if not few:
+        monkeypatch.setattr(broad_phase, "FEW_SHAPES", 0)
+
+    def verdicts() -> list[tuple[bool, bool]]:
+        checker = CollisionChecker(PlanningScene(robot, around))
+        each = [rows[i : i + 1] for i in range(len(rows))]
+        return [
+            (checker.first_collision(row, 0.005) is None, checker.first_invalid(row, 0.005) is None)
+            for row in each
+        ]
+
+    triangles = verdicts()
+    monkeypatch.setattr(body_meshes, "_FILLED", 0.0)
+    assert verdicts() == triangles
+    assert 0 < sum(free for free, _ in triangles) < len(rows)
