@@ -1,8 +1,9 @@
 """How soon a run begins, and how long short commands take.
 
 `cold_start_s`: from the start of the process to the first frame on the wire, less the configured
-boot wait. `help_s`: how long `armtree --help` takes; the other rows are named like their commands.
-`status` and `stop` ask a server on this machine that is idle.
+boot wait. `so101_cold_start_s`: to the first motion of an SO-101. Its servos need no wait, but its
+planner loads meshes. `help_s`: how long `armtree --help` takes; the other rows are named like their
+commands. `status` and `stop` ask a server on this machine that is idle.
 """
 
 import json
@@ -27,17 +28,19 @@ ARMTREE = [sys.executable, "-P", "-m", "armtree"]
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
-def cold_start() -> float:
-    """One run of task 1 on the virtual Arduino [s]."""
+def first(event: str, *words: str) -> float:
+    """Time from the start of a run on a virtual arm to its first event of a kind [s]."""
     with tempfile.TemporaryDirectory() as folder:
-        command = [*ARMTREE, "run", "1", "--port", "virtual", "--json", "--recordings", folder]
+        options = ("--port", "virtual", "--json", "--recordings", folder)
         begun = time.monotonic()
-        with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        with subprocess.Popen(
+            [*ARMTREE, "run", *words, *options], stdout=subprocess.PIPE, text=True
+        ) as process:
             assert process.stdout
             events = [json.loads(line) for line in process.stdout]
     # Both processes read one monotonic clock.
-    first: float = next(event["time_s"] for event in events if event["event"] == "sent")
-    return first - begun - load_robot().serial.boot_wait
+    time_s: float = next(one["time_s"] for one in events if one["event"] == event)
+    return time_s - begun
 
 
 @contextmanager
@@ -74,8 +77,11 @@ def main(runs: int, file: Path | None) -> None:
             command_time(*words)  # compiles what is not compiled yet
             at_most = 0.12 if name == "help_s" else 0.25
             rows.append(Row(name, "s", [command_time(*words) for _ in range(runs)], at_most))
-    rows.insert(0, Row("cold_start_s", "s", [cold_start() for _ in range(runs)], at_most=0.35))
-    show(rows, file)
+    boot = load_robot().serial.boot_wait
+    started = [first("sent", "1") - boot for _ in range(runs)]
+    moved = [first("schedule", "home", "--robot", "so101") for _ in range(runs)]
+    cold = Row("cold_start_s", "s", started, at_most=0.35), Row("so101_cold_start_s", "s", moved)
+    show([*cold, *rows], file)
 
 
 if __name__ == "__main__":
