@@ -90,8 +90,9 @@ class ContainmentChecker:
     def _contains(self, mesh: int, point: Array) -> bool:
         """Return True if a mesh is solid and contains a point in its frame (3,) [m]."""
         volume = self._scene.volumes[mesh]
-        is_link = not self._scene.is_body(self._scene.exact_links[mesh])
-        return (is_link or volume.closed) and volume.contains(point)
+        if self._scene.is_body(self._scene.exact_links[mesh]):
+            return volume.contains(point)
+        return volume.winds_around(point)
 
 
 def _point_of(shape: coal.CollisionGeometry) -> Array:

@@ -1,5 +1,6 @@
 """A shape completely inside a mesh is in collision. This is checked at the ends of a motion."""
 
+from collections.abc import Sequence
 from itertools import product
 from pathlib import Path
 
@@ -109,12 +110,11 @@ def test_a_held_body_in_a_mesh(tmp_path: Path, shape: Shape) -> None:
         PLANNER.plan(Query("arm", STAND, AWAY, world=World((held, around))))
 
 
-def solid(count: int) -> EnclosedVolume:
-    """A cube, of its first triangles."""
+def volume(triangles: Sequence[tuple[int, int, int]]) -> EnclosedVolume:
     mesh = coal.BVHModelOBBRSS()
-    mesh.beginModel(count, len(CORNERS))
+    mesh.beginModel(len(triangles), len(CORNERS))
     mesh.addVertices(CORNERS)
-    mesh.addTriangles(np.array(TRIANGLES[:count]))
+    mesh.addTriangles(np.array(triangles))
     mesh.endModel()
     return EnclosedVolume(mesh)
 
@@ -124,22 +124,33 @@ POINTS = st.lists(st.tuples(*[st.floats(-1.5, 1.5)] * 3), max_size=5)
 
 @given(POINTS)
 def test_inside_and_outside(points: list[tuple[float, float, float]]) -> None:
-    closed = solid(len(TRIANGLES))
-    assert closed.closed
+    solid = volume(TRIANGLES)
+    assert solid.closed
     for point in points:
         if not np.isclose(np.abs(point), 1.0).any():
-            assert closed.contains(np.array(point)) == (max(map(abs, point)) < 1.0)
+            assert solid.contains(np.array(point)) == (max(map(abs, point)) < 1.0)
 
 
 @given(POINTS)
-def test_an_answer_for_an_open_mesh_does_not_depend_on_the_points_before(
+def test_a_point_is_never_inside_an_open_mesh(points: list[tuple[float, float, float]]) -> None:
+    tray = volume(TRIANGLES[:-2])
+    assert not tray.closed
+    assert not any(tray.contains(np.array(point)) for point in points)
+
+
+@given(POINTS)
+def test_with_a_triangle_that_faces_inward_no_answer_depends_on_the_points_before(
     points: list[tuple[float, float, float]],
 ) -> None:
-    """Through the open side, a line connects a point inside and one outside."""
-    tray, inside, above = solid(len(TRIANGLES) - 2), np.zeros(3), np.array([0.0, 0.0, 1.4])
-    assert not tray.closed
-    for point in (inside, above, inside, *map(np.array, points)):
-        assert tray.contains(point) == solid(len(TRIANGLES) - 2).contains(point)
+    """Below such a triangle the winding number is another one than in the middle."""
+    a, b, c = TRIANGLES[0]
+    triangles = [(a, c, b), *TRIANGLES[1:]]
+    used = volume(triangles)
+    assert used.closed
+    below, middle = CORNERS[[a, b, c]].mean(axis=0) * 0.95, np.zeros(3)
+    assert volume(triangles).contains(below) != volume(triangles).contains(middle)
+    for point in (below, middle, below, *map(np.array, points)):
+        assert used.contains(point) == volume(triangles).contains(point)
 
 
 def test_an_arm_is_far_from_the_walls_of_a_room(tmp_path: Path) -> None:
