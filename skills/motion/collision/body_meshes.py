@@ -12,7 +12,8 @@ from skills.motion.errors import BadWorld
 from skills.motion.robot_model.geometry import EnclosedVolume, convex_hull
 from skills.motion.world import Mesh, Stamp, mesh_stamp
 
-_FILLED = 0.9  # share of its hull that a convex mesh fills, at least
+_HOLLOW = 0.03  # radius of a ball that fits into a hollow mesh; about that of a small link [m]
+_SAMPLES = 256  # tried places of the ball
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,13 +24,13 @@ class BodyMesh:
         shape: The triangles.
         hull: Their convex hull.
         volume: The volume inside them.
-        concave: True if they fill much less than their hull, as those of a room or a table.
+        hollow: True if there is free space in the hull, as in a room, a tray or under a table.
     """
 
     shape: coal.BVHModelBase
     hull: coal.ConvexBase
     volume: EnclosedVolume
-    concave: bool
+    hollow: bool
 
 
 class BodyMeshes:
@@ -69,7 +70,25 @@ def _read(mesh: Mesh, stamp: Stamp | None) -> BodyMesh:
         raise BadWorld(f"The mesh {path} is unusable: {error}") from error
     for geometry in shape, hull:
         geometry.computeLocalAABB()  # coal needs the boxes for its first guess
-    # The boxes in front of coal do not see a flat shape, but its hull has some thickness.
-    has_box = shape.aabb_local.volume() > 0.0
-    concave = has_box and abs(shape.computeVolume()) < _FILLED * hull.computeVolume()
-    return BodyMesh(shape, hull, EnclosedVolume(shape), concave)
+    volume = EnclosedVolume(shape)
+    return BodyMesh(shape, hull, volume, _is_hollow(shape, hull, volume))
+
+
+def _is_hollow(shape: coal.BVHModelBase, hull: coal.ConvexBase, volume: EnclosedVolume) -> bool:
+    """Return True if a ball fits into the hull of a mesh without touching the mesh.
+
+    The places are random points of the hull. The inside of a closed mesh is solid. A flat mesh
+    counts as not hollow, because the broad phase does not see a flat box.
+    """
+    if not shape.aabb_local.volume():
+        return False
+    random, corners = np.random.default_rng(1), np.asarray(hull.points())
+    chosen = corners[random.integers(len(corners), size=(_SAMPLES, 4))]
+    places = np.einsum("si,sij->sj", random.dirichlet(np.ones(4), _SAMPLES), chosen)
+    ball, still = coal.Sphere(_HOLLOW), coal.Transform3s.Identity()
+    for place in places:
+        result, placed = coal.CollisionResult(), coal.Transform3s(np.eye(3), place)
+        coal.collide(shape, still, ball, placed, coal.CollisionRequest(), result)
+        if not result.isCollision() and not volume.contains(place):
+            return True
+    return False

@@ -1,6 +1,7 @@
-"""Checks of the broad phase: many pairs of hulls at many configurations at once.
+"""Checks the convex hulls of links for collision: many pairs at many configurations at once.
 
-A concave mesh of the world is its triangles here, and counts as a hull; see `PlanningScene.broad`.
+An arm in a room is always inside the hull of the room. Therefore triangles of such meshes are
+checked where hulls are too close; see `PlanningScene.triangle_pairs`.
 """
 
 import math
@@ -11,16 +12,15 @@ from functools import cached_property
 import coal
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
 from skills.motion.arrays import Array, Mask
 
-from .planning_scene import PlanningScene, part_of
+from .planning_scene import HullPairs, PlanningScene
 
 BATCH = 500  # configurations per call
 # Largest number of pairs per call, because a call cannot be interrupted: a few milliseconds for
-# hulls around boxes and cylinders, for hulls around meshes, and for triangles.
-MAX_PRIMITIVE_PAIRS, MAX_MESH_PAIRS, MAX_TRIANGLE_PAIRS = 8000, 2000, 200
+# hulls around boxes and cylinders, for hulls around meshes, and for triangles of most meshes.
+MAX_PRIMITIVE_PAIRS, MAX_MESH_PAIRS, MAX_TRIANGLE_PAIRS = 8000, 2000, 20
 # Smaller margins count as this one: at 0, coal misses overlaps of shapes with parallel axes [m].
 LEAST_MARGIN = 1e-6
 # Largest number of shapes for which a comparison of all boxes is faster than a tree of boxes.
@@ -47,25 +47,36 @@ class BroadPhase:
         scene: The scene.
         boxes: True to use boxes; False if few pairs will be checked at a time.
         check: Callback between calls that may take milliseconds. It raises an exception to stop.
+        shapes: The pairs to check. Default: those of hulls, and then those with triangles.
     """
 
-    def __init__(self, scene: PlanningScene, boxes: bool, check: Callable[[], None]) -> None:
+    def __init__(
+        self,
+        scene: PlanningScene,
+        boxes: bool,
+        check: Callable[[], None],
+        shapes: HullPairs | None = None,
+    ) -> None:
         self._check = check
         self._max_pairs = MAX_MESH_PAIRS if scene.volumes else MAX_PRIMITIVE_PAIRS
-        if scene.broad is not scene.hulls:
+        self._triangles: BroadPhase | None = None
+        if shapes:
             self._max_pairs = MAX_TRIANGLE_PAIRS
-        count, hulls = len(scene.broad.collisionPairs), len(scene.broad.geometryObjects)
-        self._parts = list[_Part]()
+        elif scene.triangle_pairs:
+            self._triangles = BroadPhase(scene, boxes, check, scene.triangle_pairs)
+        shapes = shapes or scene.hull_pairs
+        count, model, self._parts = len(scene.hull_pairs.ends), scene.kinematics, list[_Part]()
         if not boxes:
-            self._parts.append(_Pool(scene, pin.GeometryPool, np.arange(count)))
-        elif hulls <= FEW_SHAPES:
-            self._parts.append(_AllBoxes(scene, np.arange(count)))
+            self._parts.append(_Pool(model, shapes, pin.GeometryPool))
+        elif len(shapes.geometry.geometryObjects) <= FEW_SHAPES:
+            self._parts.append(_AllBoxes(model, shapes))
         else:
-            boxed = _boxed_pairs(scene)
+            boxed = _boxed_pairs(shapes)
             tree = pin.BroadPhaseManagerPool_DynamicAABBTreeCollisionManager
             for kind, own in (tree, boxed), (pin.GeometryPool, ~boxed):
                 if own.any():
-                    self._parts.append(_Pool(scene, kind, own.nonzero()[0]))
+                    part = shapes if own.all() else shapes.part(own)
+                    self._parts.append(_Pool(model, part, kind))
         self._margins, self._margin, self._count = np.zeros(count), math.nan, count
         self._pairs = frozenset(range(count))
 
@@ -75,6 +86,8 @@ class BroadPhase:
         if margins is not self._margins:
             for part in self._parts:
                 part.set_margins(margins)
+            if self._triangles:
+                self._triangles.set_margins(pairs, margins)
             self._margins, self._margin = margins, math.nan
 
     def set_margin(self, pairs: frozenset[int], margin: float) -> None:
@@ -91,10 +104,23 @@ class BroadPhase:
         active[list(pairs)] = True
         for part in self._parts:
             part.activate(active)
+        if self._triangles:
+            self._triangles._activate(pairs)
         self._pairs = pairs
 
     def collisions(self, q: Array, stop: bool) -> Mask:
         """Return True for each row in collision. With `stop`, rows after the first may be False."""
+        hits = self.hull_collisions(q, stop)
+        rows = hits.nonzero()[0]
+        if self._triangles and rows.size:
+            hits[rows] = self._triangles.collisions(q[rows], stop=False)
+            if stop and not hits[rows[0]]:
+                after = slice(rows[0] + 1, None)
+                hits[after] = self.collisions(q[after], stop=False)
+        return hits
+
+    def hull_collisions(self, q: Array, stop: bool) -> Mask:
+        """Return True for each row with hulls in collision. See `collisions`."""
         active = [part for part in self._parts if part.active]
         parts = [part.collisions(q, stop, self._rows, self._check) for part in active]
         if len(parts) == 1:
@@ -103,6 +129,8 @@ class BroadPhase:
 
     def close_pairs(self, q: Array) -> frozenset[int]:
         """Return all checked pairs closer than the margin in some row (N, nq)."""
+        if self._triangles:
+            return self._triangles.close_pairs(q)
         active = [part for part in self._parts if part.active]
         return frozenset[int]().union(
             *(part.close_pairs(q, self._rows, self._check) for part in active)
@@ -121,23 +149,16 @@ class _Part(ABC):
         active: True if some of the pairs are checked.
 
     Args:
-        geometry: The hulls and these pairs of them.
-        ends: Indices of the two shapes of each pair (P, 2).
+        shapes: The hulls and these pairs of them.
         data: Working memory of the geometry.
-        numbers: Indices of the pairs in the scene.
     """
 
-    def __init__(
-        self,
-        geometry: pin.GeometryModel,
-        ends: NDArray[np.intp],
-        data: pin.GeometryData,
-        numbers: NDArray[np.intp],
-    ) -> None:
-        self._geometry, self._data, self._numbers, self.active = geometry, data, numbers, True
-        self._ends, size = tuple(ends.T), len(geometry.geometryObjects)
+    def __init__(self, shapes: HullPairs, data: pin.GeometryData) -> None:
+        self._geometry, self._data, self._numbers = shapes.geometry, data, shapes.numbers
+        self._ends, size = tuple(shapes.ends.T), len(shapes.geometry.geometryObjects)
         self._margins, self._checked = np.zeros((size, size)), np.zeros((size, size), bool)
-        self._own = np.ones(len(numbers), bool)  # True for each pair that is checked
+        self._own = np.ones(len(shapes.numbers), bool)  # True for each pair that is checked
+        self.active = True
 
     def set_margins(self, margins: Array) -> None:
         """Set the margin of each pair of the scene (P,) [m]."""
@@ -175,14 +196,9 @@ class _Part(ABC):
 class _Pool(_Part):
     """Checks of many rows in one call, with a tree of boxes or without boxes."""
 
-    def __init__(
-        self, scene: PlanningScene, kind: type[pin.GeometryPool], numbers: NDArray[np.intp]
-    ) -> None:
-        geometry, ends = scene.broad, scene.ends(scene.broad)
-        if len(numbers) < len(ends):
-            geometry, ends = part_of(geometry, ends[numbers])
-        self._pool = _pool(kind, scene.kinematics, geometry)
-        super().__init__(geometry, ends, self._pool.getGeometryData(0), numbers)
+    def __init__(self, model: pin.Model, shapes: HullPairs, kind: type[pin.GeometryPool]) -> None:
+        self._pool = _pool(kind, model, shapes.geometry)
+        super().__init__(shapes, self._pool.getGeometryData(0))
 
     # Many queries need no results, and in a large world they take milliseconds to list.
     @cached_property
@@ -216,9 +232,9 @@ class _AllBoxes(_Pool):
     shape.
     """
 
-    def __init__(self, scene: PlanningScene, numbers: NDArray[np.intp]) -> None:
-        super().__init__(scene, pin.GeometryPool, numbers)
-        model, hulls, data = scene.kinematics, scene.broad, self._data
+    def __init__(self, model: pin.Model, shapes: HullPairs) -> None:
+        super().__init__(model, shapes, pin.GeometryPool)
+        hulls, data = shapes.geometry, self._data
         self._placed = model, model.createData(), hulls, data
         self._boxes = pin.BroadPhaseManager_NaiveCollisionManager(model, hulls, data)
         self._first = pin.CollisionCallBackDefault(hulls, data, True)
@@ -256,29 +272,30 @@ class _AllBoxes(_Pool):
                 self._boxes.collide(first)
 
 
-def _boxed_pairs(scene: PlanningScene) -> Mask:
+def _boxed_pairs(shapes: HullPairs) -> Mask:
     """Return True for each pair of hulls that both have a bounded box with a volume (P,)."""
-    shapes = [shape.geometry for shape in scene.broad.geometryObjects]
-    volumes = [0.0 if _is_mesh(shape) else shape.aabb_local.volume() for shape in shapes]
+    hulls = [shape.geometry for shape in shapes.geometry.geometryObjects]
+    volumes = [0.0 if _is_mesh(hull) else hull.aabb_local.volume() for hull in hulls]
     boxed = np.array([0.0 < volume < math.inf for volume in volumes], bool)
-    first, second = scene.ends(scene.broad).T
+    first, second = shapes.ends.T
     both: Mask = boxed[first] & boxed[second]
     return both
 
 
 def _pool(
-    kind: type[pin.GeometryPool], kinematics: pin.Model, geometry: pin.GeometryModel
+    kind: type[pin.GeometryPool], model: pin.Model, geometry: pin.GeometryModel
 ) -> pin.GeometryPool:
     """Return a pool that shares the meshes of a geometry.
 
-    A new pool copies its shapes. This would take 0.1 s for 400,000 triangles, so the pool first
-    gets another mesh.
+    A new pool copies its shapes, which takes 0.1 s for 400,000 triangles. Therefore it is built
+    with empty meshes, which are then replaced. pinocchio reads a mesh at every check, but chooses
+    the function for its type when the pool is built. So an empty mesh must have the same type.
     """
-    shapes, light = list(geometry.geometryObjects), geometry.copy()
+    shapes, empty = list(geometry.geometryObjects), geometry.copy()
     meshes = [place for place, shape in enumerate(shapes) if _is_mesh(shape.geometry)]
     for place in meshes:
-        light.geometryObjects[place].geometry = coal.BVHModelOBBRSS()
-    pool = kind(kinematics, light, 1)
+        empty.geometryObjects[place].geometry = type(shapes[place].geometry)()
+    pool = kind(model, empty, 1)
     for place in meshes:
         pool.getGeometryModel(0).geometryObjects[place] = shapes[place]
     return pool

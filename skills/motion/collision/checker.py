@@ -173,14 +173,10 @@ class CollisionChecker:
         """
         q, broad = self._coordinates(configurations), self._all_hulls
         broad.set_margin(self.pairs, margin)
-        near = broad.collisions(q, stop=False)
-        # A hull also contains the shapes inside its mesh, but triangles do not.
-        has_triangles = self.scene.broad is not self.scene.hulls
-        for row, is_near in enumerate(near.tolist()):
-            if is_near and self._collides(q[row], margin, self.pairs):
-                return row
-            if (is_near or has_triangles) and self._containment.pairs(q[row]):
-                return row
+        # A shape deep inside a solid mesh is near its hull, but may be far from its triangles.
+        for row in broad.hull_collisions(q, stop=False).nonzero()[0].tolist():
+            if self._collides(q[row], margin, self.pairs) or self._containment.pairs(q[row]):
+                return int(row)
         return None
 
     def first_invalid_contact(

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 from hardware import CollisionRules, Robot
 from skills.motion.arrays import Array, Mask
 from skills.motion.errors import BadWorld
-from skills.motion.robot_model.geometry import EnclosedVolume
 from skills.motion.robot_model.motion_bounds import travel_bounds
 from skills.motion.robot_model.robot_model import FLOOR, RobotModel
 from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Sphere, World, mesh_stamps
@@ -42,13 +41,30 @@ class ShapePairs(NamedTuple):
     meshed: bool
 
 
+class HullPairs(NamedTuple):
+    """A geometry for the broad phase.
+
+    Attributes:
+        geometry: The shapes, and the pairs to check.
+        ends: Indices of the two shapes of each pair (P, 2).
+        numbers: Index of each pair among the pairs of `PlanningScene.hulls` (P,).
+    """
+
+    geometry: pin.GeometryModel
+    ends: NDArray[np.intp]
+    numbers: NDArray[np.intp]
+
+    def part(self, chosen: Mask) -> "HullPairs":
+        """Return a geometry of only some of the pairs (P,)."""
+        return HullPairs(*part_of(self.geometry, self.ends[chosen]), self.numbers[chosen])
+
+
 class PlanningScene:
     """Collision geometry of a robot in a world.
 
-    It holds three geometries. In `exact`, each primitive or mesh of the URDF is one shape. In
-    `hulls` each link is one convex hull, so there are far fewer pairs. If two hulls keep a
-    distance, so do the shapes in them. But an arm in a room is always inside the hull of the room.
-    Therefore a concave mesh of the world that never moves is its triangles in `broad`.
+    It holds two geometries. In `exact`, each primitive or mesh of the URDF is one shape. In `hulls`
+    each link is one convex hull, so there are far fewer pairs. If two hulls keep a distance, so do
+    the shapes in them.
 
     Args:
         robot: The robot.
@@ -61,8 +77,10 @@ class PlanningScene:
         kinematics: pinocchio's model of the robot, from `robot_model`.
         exact: Geometry of primitives and meshes.
         hulls: Geometry of convex hulls.
-        broad: Geometry of the broad phase, with the pairs of `hulls`. It is `hulls` itself if no
-            concave mesh stands in the world.
+        hull_pairs: `hulls` with its pairs.
+        triangle_pairs: The same pairs, with the triangles of each hollow mesh of the world, such as
+            a room, in place of its hull; None without such a mesh. The floor is compared with its
+            hull, because triangles would take a thousand times as long.
         exact_links: Link or body of each shape of `exact`, or `floor`.
         hull_links: Link or body of each hull, or `floor`.
         volumes: Volume inside each mesh of `exact`, by the mesh's index.
@@ -94,12 +112,16 @@ class PlanningScene:
         volumes, arms = list(model.volumes), list(model.lever_arms)
         meshes = meshes or BodyMeshes()
         self._loaded = list[BodyMesh]()  # later scenes share these as long as this one exists
-        self._concave = dict[str, pin.GeometryObject]()
+        hollow = dict[int, pin.GeometryObject]()
         for body in world.bodies:
-            exact, hull, volume = self._body_shapes(body, meshes)
+            exact, hull, mesh = self._body_shapes(body, meshes)
+            if mesh:
+                self._loaded.append(mesh)
+                if mesh.hollow:
+                    hollow[len(hulls)] = exact
             shapes.append(exact)
             hulls.append(hull)
-            volumes.append(volume)
+            volumes.append(mesh.volume if mesh else None)
             arms.append(model.lever_arms_of(hull))
         self.volumes = {i: volume for i, volume in enumerate(volumes) if volume}
         if robot.collision.floor is not None:
@@ -112,9 +134,9 @@ class PlanningScene:
         checked = self._checked_links(robot.collision)
         self._exact_ends = self._add_pairs(self.exact, checked, MAX_EXACT_PAIRS)
         self._hull_ends = self._add_pairs(self.hulls, checked, MAX_HULL_PAIRS)
-        self.broad = self.hulls.copy() if self._concave else self.hulls
-        for name, triangles in self._concave.items():
-            self.broad.geometryObjects[self.hull_links.index(name)] = triangles
+        numbers = np.arange(len(self._hull_ends))
+        self.hull_pairs = HullPairs(self.hulls, self._hull_ends, numbers)
+        self.triangle_pairs = self._with_triangles(hollow) if hollow else None
         arms += [model.floor_lever_arms] * (len(hulls) - len(arms))
         self.lever_arms = travel_bounds(robot, arms, self._hull_ends)
 
@@ -185,8 +207,8 @@ class PlanningScene:
 
     def _body_shapes(
         self, body: Body, meshes: BodyMeshes
-    ) -> tuple[pin.GeometryObject, pin.GeometryObject, EnclosedVolume | None]:
-        """Return the exact shape of a body, its hull, and the volume inside a mesh, else None."""
+    ) -> tuple[pin.GeometryObject, pin.GeometryObject, BodyMesh | None]:
+        """Return the exact shape of a body, its hull, and its mesh if it has one."""
         try:
             frame = self.robot_model.frame_index(body.link)
         except BadWorld as error:
@@ -199,16 +221,28 @@ class PlanningScene:
 
         if isinstance(body.shape, Mesh):
             mesh = meshes.load(body.shape)
-            self._loaded.append(mesh)
-            exact = placed(mesh.shape)
-            # A body that moves may be checked against the floor, which takes long for triangles.
-            if mesh.concave and not joint:
-                self._concave[body.name] = exact
-            return exact, placed(mesh.hull), mesh.volume
+            return placed(mesh.shape), placed(mesh.hull), mesh
         primitive = _primitive(body.shape)
         primitive.computeLocalAABB()  # coal needs the box of each shape for its first guess
         exact = placed(primitive)
         return exact, exact, None
+
+    def _with_triangles(self, hollow: dict[int, pin.GeometryObject]) -> HullPairs:
+        """Return the pairs of hulls, in which some hulls are replaced by triangles, by their index.
+
+        Of two such hulls, that of the body that does not move is replaced.
+        """
+        hulls, ends = list(self.hulls.geometryObjects), self._hull_ends.copy()
+        floor = self.hull_links.index(FLOOR) if FLOOR in self.hull_links else -1
+        left = (ends != floor).all(axis=1)
+        for hull in sorted(hollow, key=lambda hull: hulls[hull].parentJoint):
+            rows = left & (ends == hull).any(axis=1)
+            ends[rows, 0] = ends[rows].sum(axis=1) - hull
+            ends[rows, 1] = len(hulls)
+            hulls.append(hollow[hull])
+            left &= ~rows
+        order = np.lexsort(ends.T[::-1])
+        return HullPairs(*part_of(geometry_of(hulls), ends[order]), order)
 
     def _check_names(self) -> None:
         links = self.robot_model.links.keys() | {FLOOR}

@@ -100,7 +100,7 @@ class EnclosedVolume:
         return not (counts % 2).any()
 
     @cached_property
-    def _edges(self) -> tuple[NDArray[np.intp], Array]:
+    def _edges(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """How many triangles have each edge, and how often more in one direction than in the other.
 
         Vertices at one place are one vertex. `np.unique` of rows would take ten times as long.
@@ -114,7 +114,7 @@ class EnclosedVolume:
         turn = np.sign(end - begin).ravel()
         keys = (np.minimum(begin, end) * (same.max() + 1) + np.maximum(begin, end)).ravel()
         _, edge, counts = np.unique(keys[turn != 0], return_inverse=True, return_counts=True)
-        return counts, np.bincount(edge, turn[turn != 0])
+        return counts, np.bincount(edge, turn[turn != 0]).astype(np.intp)
 
     @cached_property
     def _is_consistent(self) -> bool:

@@ -57,13 +57,17 @@ def test_boxes_miss_nothing(
     meshes = trays * [cube(tmp_path, (0.1,), open_top=True)]
     around = world(random, 0.8 if name == "seven axes" else 0.3, *meshes)
     scene = PlanningScene(robot, around)
-    assert (scene.broad is scene.hulls) == (not trays)
+    assert bool(scene.triangle_pairs) == bool(trays)
     q = scene.robot_model.coordinates(configurations(robot, random, 300)).T
     every = frozenset(range(len(scene.hulls.collisionPairs)))
     some = frozenset(k for k in every if k % 3)
 
     def answers(boxes: bool) -> list[tuple[Mask, frozenset[int], int]]:
-        checker, margins, found = BroadPhase(scene, boxes, lambda: None), draws, []
+        checker, margins, found = (
+            BroadPhase(scene, boxes, lambda: None),
+            draws,
+            [],
+        )
         for pairs, margin in ((every, 0.0), (every, 0.005), (some, 0.03), (every, None)):
             if margin is None:
                 checker.set_margins(pairs, margins)
@@ -123,7 +127,7 @@ def test_as_few_pools_of_exact_shapes_as_one_find_the_same_collisions(
 
 @pytest.mark.parametrize("name", ROBOTS)
 @pytest.mark.parametrize("few", [True, False], ids=["small world", "large world"])
-def test_the_triangles_of_a_concave_mesh_give_the_verdicts_of_its_hull(
+def test_the_triangles_of_a_hollow_mesh_give_the_verdicts_of_its_hull(
     name: str, few: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What hulls do not decide, exact shapes decide."""
@@ -134,15 +138,18 @@ def test_the_triangles_of_a_concave_mesh_give_the_verdicts_of_its_hull(
     if not few:
         monkeypatch.setattr(broad_phase, "FEW_SHAPES", 0)
 
-    def verdicts() -> list[tuple[bool, bool]]:
-        checker = CollisionChecker(PlanningScene(robot, around))
+    def verdicts(hollow: bool) -> tuple[list[bool], list[int | None], list[int | None]]:
+        scene = PlanningScene(robot, around)
+        assert bool(scene.triangle_pairs) == hollow
+        checker = CollisionChecker(scene)
         each = [rows[i : i + 1] for i in range(len(rows))]
-        return [
-            (checker.first_collision(row, 0.005) is None, checker.first_invalid(row, 0.005) is None)
-            for row in each
-        ]
+        return (
+            checker.collisions(rows, 0.005).tolist(),
+            [checker.first_collision(rows[i:], 0.005) for i in range(0, len(rows), 5)],
+            [checker.first_invalid(row, 0.005) for row in each],
+        )
 
-    triangles = verdicts()
-    monkeypatch.setattr(body_meshes, "_FILLED", 0.0)
-    assert verdicts() == triangles
-    assert 0 < sum(free for free, _ in triangles) < len(rows)
+    found = verdicts(hollow=True)
+    monkeypatch.setattr(body_meshes, "_HOLLOW", 10.0)
+    assert verdicts(hollow=False) == found
+    assert len({*found[0]}) == 2

@@ -26,6 +26,7 @@ from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
 from skills.motion.robot_model.geometry import convex_hull, corners
 from skills.motion.world import quaternion
+from tests.support.arms.cube_mesh import TRIANGLES
 
 ROBOT = load_robot()
 SHEET = ([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], [(0, 1, 2), (0, 2, 3)])
@@ -54,6 +55,36 @@ def mesh(folder: Path, points: object, faces: object, size: float = 0.1) -> Mesh
     return Mesh(str(file), (size, size, size))
 
 
+CUBE = [(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]
+FRAME = [(x, y, 0) for size in (1, 2) for x in (-size, size) for y in (-size, size)]
+AROUND = [(0, 1, 4), (1, 5, 4), (1, 3, 5), (3, 7, 5), (3, 2, 7), (2, 6, 7), (2, 0, 6), (0, 4, 6)]
+
+
+@pytest.mark.parametrize(
+    ("points", "faces", "hollow"),
+    [
+        (CUBE, TRIANGLES, False),
+        (CUBE, [(a, c, b) for a, b, c in TRIANGLES], False),
+        (CUBE, TRIANGLES[:-1], True),
+        ([(x, y, z - 1) for x, y, z in CUBE], TRIANGLES[:-2], True),
+        ([(x, y, z + 9) for x, y, z in CUBE], TRIANGLES[:-2], True),
+        (*SHEET, False),
+        (FRAME, AROUND, False),
+        ([*FRAME[:-1], (2, 2, 0.01)], AROUND, True),
+        (*rod(64), False),
+    ],
+    ids=[
+        "solid", "inside out", "with a door", "tray below the origin", "tray above the origin",
+        "sheet", "flat frame", "bent frame", "rod",
+    ],
+)  # fmt: skip
+def test_which_meshes_are_hollow(
+    tmp_path: Path, points: object, faces: object, hollow: bool
+) -> None:
+    there = World((Body("thing", mesh(tmp_path, points, faces), (0.0, 0.0, 0.6)),))
+    assert bool(PlanningScene(ROBOT, there).triangle_pairs) == hollow
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("form", [SHEET, TRIANGLE, rod(64), rod(300), rod(1000)])
 @pytest.mark.parametrize("height", [0.6, 0.15])
@@ -68,6 +99,21 @@ def test_thin_and_round_bodies_are_checked_exactly(
     else:
         with pytest.raises(MotionCollides, match="thing"):
             planner.verify(Verify([stand, (0.5, 0.0, 0.0, 0.0)], 0.005, world=there))
+
+
+@pytest.mark.parametrize(("x", "free"), [(0.0, True), (0.15, False)])
+def test_an_arm_in_a_flat_frame(tmp_path: Path, x: float, free: bool) -> None:
+    """The arm stands in its opening, or where the frame is."""
+    there = World((Body("frame", mesh(tmp_path, FRAME, AROUND), (x, 0.0, 0.15)),))
+    planner, request = (
+        Planner(ROBOT),
+        Verify([(0.0,) * 4, (0.5, 0.0, 0.0, 0.0)], 0.005, world=there),
+    )
+    if free:
+        planner.verify(request)
+    else:
+        with pytest.raises(MotionCollides, match="frame"):
+            planner.verify(request)
 
 
 def test_a_mesh_without_numbers_is_rejected(tmp_path: Path) -> None:
