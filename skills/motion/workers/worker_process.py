@@ -16,7 +16,7 @@ from typing import Any
 from hardware import Robot
 from skills.motion.errors import BadQuery, MotionError, PlanTimeout, WorkerDied, shown
 from skills.motion.query import Query, Request, Result, check_types
-from skills.motion.world import EMPTY
+from skills.motion.world import EMPTY, Mesh
 
 from .answer_checker import AnswerChecker
 from .fork_server import ForkServer, ending, is_readable, is_stopped
@@ -114,7 +114,7 @@ class WorkerProcess:
             return error
         except TimeoutError:
             self.kill()
-            return PlanTimeout(request.timeout)
+            return _timed_out(request)
         except (EOFError, OSError):
             return self._died(until)
         except InvalidMessage as error:
@@ -196,7 +196,7 @@ class WorkerProcess:
         if not is_readable(self._reports, max(left, 0.0)):
             self.kill()
             if deadline < math.inf:
-                return PlanTimeout(request.timeout)
+                return _timed_out(request)
             self._server.kill()
             return WorkerDied(f"it answered nothing within {_START:g} s of its start")
         with self._lock:
@@ -291,6 +291,12 @@ def _kill(process: int) -> None:
 def _is_small(request: Request) -> bool:
     """Return True if a request is small enough to be encoded without delaying other threads."""
     return isinstance(request, Query) and len(request.via) + len(request.world.bodies) < _FEW
+
+
+def _timed_out(request: Request) -> PlanTimeout:
+    bodies = getattr(request, "world", EMPTY).bodies
+    meshes = any(isinstance(body.shape, Mesh) for body in bodies)
+    return PlanTimeout(request.timeout, meshes=meshes)
 
 
 def _check(request: Request) -> BadQuery | None:

@@ -129,7 +129,9 @@ def test_a_job_waits_for_a_fork_server_only_while_it_loads_the_world_of_the_job(
         server = pool._server.pid
         long = dataclasses.replace(PICK, world=large, timeout=0.05)
         for _ in range(2):  # the second one needs a new worker
-            assert isinstance(ask(pool, long), PlanTimeout)
+            late = ask(pool, long)
+            assert isinstance(late, PlanTimeout)
+            assert "large meshes take seconds to load" in str(late)
             assert pool._server.is_loading()
         assert pool._server.pid == server
         answered(pool, PICK)
