@@ -176,7 +176,7 @@ def world_rows(robot: Robot, count: int, folder: Path) -> Iterator[Row]:
 
 
 def room_row(count: int, folder: Path) -> Row:
-    """Return the time to plan in a room that is one mesh, by that in a room of boxes."""
+    """Return the time to plan in a room that is one mesh, divided by that in a room of boxes."""
     return Row("room_ratio", "1", list(room.ratios(count, folder)))
 
 

@@ -28,7 +28,7 @@ ARMTREE = [sys.executable, "-P", "-m", "armtree"]
 os.environ.pop("PYTHONDONTWRITEBYTECODE", None)
 
 
-def first(event: str, *words: str) -> float:
+def time_to_first(event: str, *words: str) -> float:
     """Time from the start of a run on a virtual arm to its first event of a kind [s]."""
     with tempfile.TemporaryDirectory() as folder:
         options = ("--port", "virtual", "--json", "--recordings", folder)
@@ -78,8 +78,8 @@ def main(runs: int, file: Path | None) -> None:
             at_most = 0.12 if name == "help_s" else 0.25
             rows.append(Row(name, "s", [command_time(*words) for _ in range(runs)], at_most))
     boot = load_robot().serial.boot_wait
-    started = [first("sent", "1") - boot for _ in range(runs)]
-    moved = [first("schedule", "home", "--robot", "so101") for _ in range(runs)]
+    started = [time_to_first("sent", "1") - boot for _ in range(runs)]
+    moved = [time_to_first("schedule", "home", "--robot", "so101") for _ in range(runs)]
     cold = Row("cold_start_s", "s", started, at_most=0.35), Row("so101_cold_start_s", "s", moved)
     show([*cold, *rows], file)
 

@@ -1,6 +1,7 @@
 """Meshes of the world's bodies, each read from its file once for all scenes that contain it."""
 
 from dataclasses import dataclass
+from itertools import islice
 from weakref import WeakValueDictionary
 
 import coal
@@ -8,12 +9,14 @@ import numpy as np
 import pinocchio as pin
 
 from hardware.description.meshes import MAX_MESH_BYTES
+from skills.motion.arrays import Array
 from skills.motion.errors import BadWorld
 from skills.motion.robot_model.geometry import EnclosedVolume, convex_hull
 from skills.motion.world import Mesh, Stamp, mesh_stamp
 
 _HOLLOW = 0.03  # radius of a ball that fits into a hollow mesh; about that of a small link [m]
-_SAMPLES = 256  # tried places of the ball
+_PLACES = 256  # places of the ball that are tried
+_MAX_FREE = 8  # free places that are checked for solid material, which may take 10 ms for each
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +27,8 @@ class BodyMesh:
         shape: The triangles.
         hull: Their convex hull.
         volume: The volume inside them.
-        hollow: True if there is free space in the hull, as in a room, a tray or under a table.
+        hollow: True if a small ball was found to fit into the hull beside the triangles, as in a
+            room, a tray or under a table.
     """
 
     shape: coal.BVHModelBase
@@ -75,20 +79,20 @@ def _read(mesh: Mesh, stamp: Stamp | None) -> BodyMesh:
 
 
 def _is_hollow(shape: coal.BVHModelBase, hull: coal.ConvexBase, volume: EnclosedVolume) -> bool:
-    """Return True if a ball fits into the hull of a mesh without touching the mesh.
+    """Return True if a ball is found to fit into the hull of a mesh without touching the mesh.
 
-    The places are random points of the hull. The inside of a closed mesh is solid. A flat mesh
-    counts as not hollow, because the broad phase does not see a flat box.
+    The places are random points of the hull. The inside of a closed mesh is solid. A hollow mesh
+    that is not found takes more time in later checks.
     """
-    if not shape.aabb_local.volume():
-        return False
     random, corners = np.random.default_rng(1), np.asarray(hull.points())
-    chosen = corners[random.integers(len(corners), size=(_SAMPLES, 4))]
-    places = np.einsum("si,sij->sj", random.dirichlet(np.ones(4), _SAMPLES), chosen)
-    ball, still = coal.Sphere(_HOLLOW), coal.Transform3s.Identity()
-    for place in places:
+    chosen = corners[random.integers(len(corners), size=(_PLACES, 4))]
+    places = np.einsum("pi,pij->pj", random.dirichlet(np.ones(4), _PLACES), chosen)
+    ball, identity = coal.Sphere(_HOLLOW), coal.Transform3s.Identity()
+
+    def is_free(place: Array) -> bool:
         result, placed = coal.CollisionResult(), coal.Transform3s(np.eye(3), place)
-        coal.collide(shape, still, ball, placed, coal.CollisionRequest(), result)
-        if not result.isCollision() and not volume.contains(place):
-            return True
-    return False
+        coal.collide(shape, identity, ball, placed, coal.CollisionRequest(), result)
+        return not result.isCollision()
+
+    free = islice(filter(is_free, places), _MAX_FREE)
+    return not all(volume.contains(place) for place in free)

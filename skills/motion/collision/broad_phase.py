@@ -15,7 +15,7 @@ import pinocchio as pin
 
 from skills.motion.arrays import Array, Mask
 
-from .planning_scene import HullPairs, PlanningScene
+from .planning_scene import BroadPairs, PlanningScene
 
 BATCH = 500  # configurations per call
 # Largest number of pairs per call, because a call cannot be interrupted: a few milliseconds for
@@ -30,13 +30,13 @@ _ROWS = 32  # most rows between two checks of the deadline, if all boxes are com
 
 
 class BroadPhase:
-    """Checks of hulls, with their working memory.
+    """Checks of hulls and hollow meshes, with their working memory.
 
     Axis-aligned boxes around the hulls show which hulls may be close to each other. In a small
     scene, all boxes are compared. In a large scene, a tree of boxes finds them. The floor has no
-    bounded box, and the box of a very thin link has no volume; beside a tree, pairs with such a
-    shape or with triangles are checked one after another. If few pairs are checked at a time, they
-    are also checked one after another, because boxes take time for every shape.
+    bounded box, and coal does not see the box of a flat mesh, which has no volume. Therefore pairs
+    with such a shape are checked one after another, beside a tree. If few pairs are checked at a
+    time, they are also checked one after another, because boxes take time for every shape.
 
     A filter of spheres in NumPy in front of coal would not help. Measured on 27 November 2026 (AMD
     EPYC, 2 cores, NumPy 2.4, coal 3.0) for a Panda in a cage, with 101 pairs: forward kinematics
@@ -47,7 +47,8 @@ class BroadPhase:
         scene: The scene.
         boxes: True to use boxes; False if few pairs will be checked at a time.
         check: Callback between calls that may take milliseconds. It raises an exception to stop.
-        shapes: The pairs to check. Default: those of hulls, and then those with triangles.
+        shapes: The pairs to check. Default: `scene.hull_pairs`, and where these are too close,
+            `scene.triangle_pairs`.
     """
 
     def __init__(
@@ -55,7 +56,7 @@ class BroadPhase:
         scene: PlanningScene,
         boxes: bool,
         check: Callable[[], None],
-        shapes: HullPairs | None = None,
+        shapes: BroadPairs | None = None,
     ) -> None:
         self._check = check
         self._max_pairs = MAX_MESH_PAIRS if scene.volumes else MAX_PRIMITIVE_PAIRS
@@ -68,7 +69,7 @@ class BroadPhase:
         count, model, self._parts = len(scene.hull_pairs.ends), scene.kinematics, list[_Part]()
         if not boxes:
             self._parts.append(_Pool(model, shapes, pin.GeometryPool))
-        elif len(shapes.geometry.geometryObjects) <= FEW_SHAPES:
+        elif len(shapes.geometry.geometryObjects) <= FEW_SHAPES and not _is_any_flat(shapes):
             self._parts.append(_AllBoxes(model, shapes))
         else:
             boxed = _boxed_pairs(shapes)
@@ -153,7 +154,7 @@ class _Part(ABC):
         data: Working memory of the geometry.
     """
 
-    def __init__(self, shapes: HullPairs, data: pin.GeometryData) -> None:
+    def __init__(self, shapes: BroadPairs, data: pin.GeometryData) -> None:
         self._geometry, self._data, self._numbers = shapes.geometry, data, shapes.numbers
         self._ends, size = tuple(shapes.ends.T), len(shapes.geometry.geometryObjects)
         self._margins, self._checked = np.zeros((size, size)), np.zeros((size, size), bool)
@@ -196,7 +197,7 @@ class _Part(ABC):
 class _Pool(_Part):
     """Checks of many rows in one call, with a tree of boxes or without boxes."""
 
-    def __init__(self, model: pin.Model, shapes: HullPairs, kind: type[pin.GeometryPool]) -> None:
+    def __init__(self, model: pin.Model, shapes: BroadPairs, kind: type[pin.GeometryPool]) -> None:
         self._pool = _pool(kind, model, shapes.geometry)
         super().__init__(shapes, self._pool.getGeometryData(0))
 
@@ -232,7 +233,7 @@ class _AllBoxes(_Pool):
     shape.
     """
 
-    def __init__(self, model: pin.Model, shapes: HullPairs) -> None:
+    def __init__(self, model: pin.Model, shapes: BroadPairs) -> None:
         super().__init__(model, shapes, pin.GeometryPool)
         hulls, data = shapes.geometry, self._data
         self._placed = model, model.createData(), hulls, data
@@ -272,8 +273,16 @@ class _AllBoxes(_Pool):
                 self._boxes.collide(first)
 
 
-def _boxed_pairs(shapes: HullPairs) -> Mask:
-    """Return True for each pair of hulls that both have a bounded box with a volume (P,)."""
+def _is_any_flat(shapes: BroadPairs) -> bool:
+    objects = shapes.geometry.geometryObjects
+    return not all(shape.geometry.aabb_local.volume() for shape in objects)
+
+
+def _boxed_pairs(shapes: BroadPairs) -> Mask:
+    """Return True for each pair of hulls that both have a bounded box with a volume (P,).
+
+    A mesh counts as not boxed, because it is replaced after a tree was built; see `_pool`.
+    """
     hulls = [shape.geometry for shape in shapes.geometry.geometryObjects]
     volumes = [0.0 if _is_mesh(hull) else hull.aabb_local.volume() for hull in hulls]
     boxed = np.array([0.0 < volume < math.inf for volume in volumes], bool)
@@ -291,8 +300,9 @@ def _pool(
     with empty meshes, which are then replaced. pinocchio reads a mesh at every check, but chooses
     the function for its type when the pool is built. So an empty mesh must have the same type.
     """
-    shapes, empty = list(geometry.geometryObjects), geometry.copy()
+    shapes = list(geometry.geometryObjects)
     meshes = [place for place, shape in enumerate(shapes) if _is_mesh(shape.geometry)]
+    empty = geometry.copy() if meshes else geometry
     for place in meshes:
         empty.geometryObjects[place].geometry = type(shapes[place].geometry)()
     pool = kind(model, empty, 1)

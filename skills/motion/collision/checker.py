@@ -2,7 +2,8 @@
 
 Each check has two phases, as usual in collision checking. The broad phase compares the convex hulls
 of links. The narrow phase compares the exact shapes of only those links with hulls closer than the
-margin.
+margin. In the broad phase, a hollow mesh of the world counts as a hull, although it is checked by
+its triangles; see `PlanningScene.triangle_pairs`.
 """
 
 from collections.abc import Iterator
@@ -45,7 +46,7 @@ class Proximity(NamedTuple):
 
     Attributes:
         collision: A row with two links closer than the least distance, or None if none was found.
-        near: True for each row with two hulls closer than their margin; see `proximity` (N,).
+        near: True for each row with two hulls closer than their margin (N,).
         pairs: All pairs of hulls that are closer than their margin in some row; valid if there is
             no collision.
     """
@@ -173,7 +174,7 @@ class CollisionChecker:
         """
         q, broad = self._coordinates(configurations), self._all_hulls
         broad.set_margin(self.pairs, margin)
-        # A shape deep inside a solid mesh is near its hull, but may be far from its triangles.
+        # A shape deep inside a solid mesh is in its hull, but may be far from its triangles.
         for row in broad.hull_collisions(q, stop=False).nonzero()[0].tolist():
             if self._collides(q[row], margin, self.pairs) or self._containment.pairs(q[row]):
                 return int(row)

@@ -41,8 +41,8 @@ class ShapePairs(NamedTuple):
     meshed: bool
 
 
-class HullPairs(NamedTuple):
-    """A geometry for the broad phase.
+class BroadPairs(NamedTuple):
+    """Shapes and pairs for the broad phase.
 
     Attributes:
         geometry: The shapes, and the pairs to check.
@@ -54,9 +54,9 @@ class HullPairs(NamedTuple):
     ends: NDArray[np.intp]
     numbers: NDArray[np.intp]
 
-    def part(self, chosen: Mask) -> "HullPairs":
+    def part(self, chosen: Mask) -> "BroadPairs":
         """Return a geometry of only some of the pairs (P,)."""
-        return HullPairs(*part_of(self.geometry, self.ends[chosen]), self.numbers[chosen])
+        return BroadPairs(*part_of(self.geometry, self.ends[chosen]), self.numbers[chosen])
 
 
 class PlanningScene:
@@ -79,8 +79,8 @@ class PlanningScene:
         hulls: Geometry of convex hulls.
         hull_pairs: `hulls` with its pairs.
         triangle_pairs: The same pairs, with the triangles of each hollow mesh of the world, such as
-            a room, in place of its hull; None without such a mesh. The floor is compared with its
-            hull, because triangles would take a thousand times as long.
+            a room, in place of its hull; None without such a mesh. Against the floor, hulls are
+            enough; see `exact_pairs_of`.
         exact_links: Link or body of each shape of `exact`, or `floor`.
         hull_links: Link or body of each hull, or `floor`.
         volumes: Volume inside each mesh of `exact`, by the mesh's index.
@@ -135,7 +135,7 @@ class PlanningScene:
         self._exact_ends = self._add_pairs(self.exact, checked, MAX_EXACT_PAIRS)
         self._hull_ends = self._add_pairs(self.hulls, checked, MAX_HULL_PAIRS)
         numbers = np.arange(len(self._hull_ends))
-        self.hull_pairs = HullPairs(self.hulls, self._hull_ends, numbers)
+        self.hull_pairs = BroadPairs(self.hulls, self._hull_ends, numbers)
         self.triangle_pairs = self._with_triangles(hollow) if hollow else None
         arms += [model.floor_lever_arms] * (len(hulls) - len(arms))
         self.lever_arms = travel_bounds(robot, arms, self._hull_ends)
@@ -227,10 +227,13 @@ class PlanningScene:
         exact = placed(primitive)
         return exact, exact, None
 
-    def _with_triangles(self, hollow: dict[int, pin.GeometryObject]) -> HullPairs:
-        """Return the pairs of hulls, in which some hulls are replaced by triangles, by their index.
+    def _with_triangles(self, hollow: dict[int, pin.GeometryObject]) -> BroadPairs:
+        """Return the pairs of hulls, with triangles in place of some hulls.
 
-        Of two such hulls, that of the body that does not move is replaced.
+        In a pair of two hollow meshes, one remains a hull: that of the body that moves.
+
+        Args:
+            hollow: Triangles of each hollow mesh, by the index of its hull.
         """
         hulls, ends = list(self.hulls.geometryObjects), self._hull_ends.copy()
         floor = self.hull_links.index(FLOOR) if FLOOR in self.hull_links else -1
@@ -242,7 +245,7 @@ class PlanningScene:
             hulls.append(hollow[hull])
             left &= ~rows
         order = np.lexsort(ends.T[::-1])
-        return HullPairs(*part_of(geometry_of(hulls), ends[order]), order)
+        return BroadPairs(*part_of(geometry_of(hulls), ends[order]), order)
 
     def _check_names(self) -> None:
         links = self.robot_model.links.keys() | {FLOOR}

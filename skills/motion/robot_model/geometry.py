@@ -14,8 +14,8 @@ from skills.motion.validation import MAX_MAGNITUDE
 _MIN_THICKNESS = 1e-4  # smallest thickness of a hull, because coal crashes on a flat hull [m]
 # Sides of the prism around a cylinder; fewer sides make every check of the hull faster.
 _PRISM_SIDES = 8
-_THIN = 1e-4  # radius of the line between two points on one side of a surface, for coal [m]
-_UP, _STAY = np.array([0.0, 0.0, 1.0]), coal.Transform3s.Identity()
+_THIN = 1e-4  # radius of the capsule that stands for a line [m]
+_UP, _IDENTITY = np.array([0.0, 0.0, 1.0]), coal.Transform3s.Identity()
 
 
 def corners(shape: pin.GeometryObject) -> Array:
@@ -56,7 +56,7 @@ def convex_hull(shapes: Sequence[pin.GeometryObject]) -> coal.ConvexBase:
 class EnclosedVolume:
     """The volume inside a triangle mesh.
 
-    Most volumes are never used. Therefore the triangles are read at the first call of `contains`.
+    Most volumes are never used. Therefore the triangles are read when they are first needed.
 
     Args:
         mesh: The mesh.
@@ -101,7 +101,7 @@ class EnclosedVolume:
 
     @cached_property
     def _edges(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """How many triangles have each edge, and how often more in one direction than in the other.
+        """The number of triangles at each edge, and the surplus of one direction of the edge.
 
         Vertices at one place are one vertex. `np.unique` of rows would take ten times as long.
         """
@@ -118,14 +118,14 @@ class EnclosedVolume:
 
     @cached_property
     def _is_consistent(self) -> bool:
-        """True if the mesh is closed, and all neighbours face the same side of the surface."""
+        """True if the mesh is closed and every edge is used equally often in both directions."""
         return self.closed and not self._edges[1].any()
 
     def contains(self, point: Array) -> bool:
         """Return True if the mesh is closed and encloses a point (3,) [m].
 
-        If no triangle is between the point and a known one, the answer is the same. This is found
-        much faster than the winding number of a fine mesh.
+        If the mesh is consistent and no triangle is between the point and a known one, the answer
+        is the same. This is found much faster than the winding number of a fine mesh.
         """
         if not self.closed:
             return False
@@ -141,7 +141,7 @@ class EnclosedVolume:
         turn = pin.Quaternion.FromTwoVectors(_UP, b - a).matrix()
         line, place = coal.Capsule(_THIN, length), coal.Transform3s(turn, 0.5 * (a + b))
         result = coal.CollisionResult()
-        coal.collide(self._mesh, _STAY, line, place, coal.CollisionRequest(), result)
+        coal.collide(self._mesh, _IDENTITY, line, place, coal.CollisionRequest(), result)
         return not result.isCollision()
 
     def winds_around(self, point: Array) -> bool:

@@ -19,7 +19,7 @@ _INNER, _OUTER = 1.5, 1.6  # half the edges of the room [m]
 
 
 def ratios(count: int, folder: Path) -> Iterator[float]:
-    """Yield, for each problem with random pairs, the planning time in the mesh by that in boxes."""
+    """Yield the planning time in the mesh, divided by that in boxes, for each arm of `random`."""
     rooms = ((Body("room", cube(folder, (_OUTER, -_INNER))),), tuple(_walls()))
     for problem in random(count):
         planner = Planner(problem.robot)

@@ -10,7 +10,12 @@ import pytest
 from hardware import Robot, load_robot
 from skills.motion import Body, Box, Cylinder, Shape, Sphere, World
 from skills.motion.arrays import Array, Mask
-from skills.motion.collision import body_meshes, broad_phase, narrow_phase
+from skills.motion.collision import (
+    body_meshes,
+    broad_phase,
+    checker as collision_checker,
+    narrow_phase,
+)
 from skills.motion.collision.broad_phase import BroadPhase
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
@@ -89,6 +94,24 @@ def test_boxes_miss_nothing(
 
 
 @pytest.mark.parametrize("boxes", [False, True])
+def test_other_pairs_with_the_same_margin(boxes: bool, tmp_path: Path) -> None:
+    robot, random = load_robot(), np.random.default_rng(5)
+    around = world(random, 0.4, *2 * [cube(tmp_path, (0.15,), open_top=True)])
+    scene = PlanningScene(robot, around)
+    q = scene.robot_model.coordinates(configurations(robot, random, 300)).T
+    every = frozenset(range(len(scene.hulls.collisionPairs)))
+    used, found = BroadPhase(scene, boxes, lambda: None), []
+    for pairs in every, frozenset(k for k in every if k % 2), every:
+        fresh = BroadPhase(scene, boxes, lambda: None)
+        for checker in used, fresh:
+            checker.set_margin(pairs, 0.005)
+        found.append(used.collisions(q, stop=False).sum())
+        assert (used.collisions(q, stop=False) == fresh.collisions(q, stop=False)).all()
+        assert used.close_pairs(q) == fresh.close_pairs(q)
+    assert found[0] > found[1]
+
+
+@pytest.mark.parametrize("boxes", [False, True])
 def test_after_an_interrupted_search_for_close_pairs_all_pairs_are_checked(boxes: bool) -> None:
     robot, random = load_robot(), np.random.default_rng(3)
     scene, calls = PlanningScene(robot, world(random, 0.3)), count()
@@ -132,11 +155,14 @@ def test_the_triangles_of_a_hollow_mesh_give_the_verdicts_of_its_hull(
 ) -> None:
     """What hulls do not decide, exact shapes decide."""
     robot, random = ROBOTS[name](), np.random.default_rng(4)
-    trays = 2 * [cube(tmp_path, (0.15,), open_top=True)]
-    around = world(random, 1.2 if name == "seven axes" else 0.5, *trays)
+    tray = cube(tmp_path, (0.15,), open_top=True)
+    held = Body("held", tray, (0.3, 0.2, 0.2), link=robot.links[-1])
+    around = world(random, 1.2 if name == "seven axes" else 0.5, tray, tray)
+    around = World((*around.bodies, held))
     rows = configurations(robot, random, 300)
     if not few:
         monkeypatch.setattr(broad_phase, "FEW_SHAPES", 0)
+        monkeypatch.setattr(collision_checker, "FEW_SHAPES", 0)
 
     def verdicts(hollow: bool) -> tuple[list[bool], list[int | None], list[int | None]]:
         scene = PlanningScene(robot, around)
