@@ -137,7 +137,10 @@ class SerialLink:
 def _send(handle: int, data: bytes) -> None:
     """Write all bytes. On a busy machine, `write` of pyserial may time out after a success.
 
-    There is no retry after the deadline, because the arm may be deactivated by then.
+    There is no retry after the deadline, because the arm may be deactivated by then. A poll comes
+    only if the port takes no more: for each poll of a terminal, Linux waits for the kernel thread
+    that carries the bytes of the other direction, which took 0.3 s on a busy machine (`n_tty_poll`
+    in drivers/tty/n_tty.c).
     """
     writable, clock = select.poll(), RealClock()
     writable.register(handle, select.POLLOUT)
@@ -146,9 +149,10 @@ def _send(handle: int, data: bytes) -> None:
     while left:
         if patience <= 0:
             raise TimeoutError
-        if writable.poll(1000 * patience):
-            with contextlib.suppress(BlockingIOError):
-                left = left[os.write(handle, left) :]
+        with contextlib.suppress(BlockingIOError):
+            left = left[os.write(handle, left) :]
+        if left:
+            writable.poll(1000 * max(0.0, until - clock.now()))
         patience = until - clock.now()
 
 

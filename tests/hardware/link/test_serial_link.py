@@ -290,6 +290,24 @@ def test_a_write_delayed_after_its_end_is_not_stuck(
     assert line.drain() == FRAME
 
 
+def test_a_port_with_room_is_not_polled(line: Pty, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A poll of a terminal waits for a thread of the kernel, on a busy machine for 0.3 s."""
+
+    class Poll:
+        def register(self, *_: int) -> None: ...
+
+        def poll(self, _: float) -> list[tuple[int, int]]:
+            raise AssertionError
+
+    link = SerialLink(line.port, BAUD)
+    link.open()
+    with monkeypatch.context() as patch:
+        patch.setattr(select, "poll", Poll)
+        link.write(FRAME)
+    link.close()
+    assert line.drain() == FRAME
+
+
 @pytest.mark.parametrize("taken", [0, 1])
 def test_a_slow_call_is_not_repeated_after_the_deadline(
     line: Pty, monkeypatch: pytest.MonkeyPatch, taken: int
