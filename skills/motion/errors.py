@@ -382,8 +382,7 @@ class PlanTimeout(MotionError, TimeoutError):
     Attributes:
         timeout: Timeout of the request [s].
         samples, searches, from_start, from_goal: Counts of the searches until the timeout; see
-            NoPath. All are 0 if no search ran, or if the worker was killed at the deadline. A
-            worker that loads large meshes has to be killed.
+            NoPath. All are 0 if no search ran, or if the worker was killed at the deadline.
     """
 
     code = "plan.timeout"
@@ -397,13 +396,10 @@ class PlanTimeout(MotionError, TimeoutError):
         searches: int = 0,
         from_start: int = 0,
         from_goal: int = 0,
-        meshes: bool = False,
     ) -> None:
         self.timeout, self.samples, self.searches = timeout, samples, searches
         self.from_start, self.from_goal = from_start, from_goal
         what = f"No plan within {timeout:g} s"
-        if meshes:
-            self.hint = "allow more time or try again, because large meshes take seconds to load"
         if searches:
             self.hint = f"allow more time, {NoPath.hint}"
             what += f" {_tried(samples, searches, from_start, from_goal)}"

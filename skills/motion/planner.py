@@ -28,7 +28,7 @@ import numpy as np
 from hardware import DISPLAY_UNITS, MAX_DURATION, Clock, RealClock, Robot
 
 from .arrays import Array, joint_positions, norms
-from .collision.body_meshes import BodyMeshes
+from .collision.body_meshes import BodyMesh, BodyMeshes
 from .collision.checker import CollisionChecker
 from .collision.endpoint_checker import EndpointChecker
 from .collision.planning_scene import PlanningScene
@@ -93,6 +93,14 @@ class Planner:
         """
         self._checker(world).prepare()
 
+    def read_meshes(self, world: World) -> list[BodyMesh]:
+        """Read the meshes of a world. They stay in memory as long as this list or a scene does.
+
+        Raises:
+            BadWorld: A mesh cannot be used.
+        """
+        return [self._meshes.load(mesh) for mesh in world.meshes]
+
     def answer(self, request: Request) -> Answer:
         """Return the answer to a request: a Plan, a Reached or a Body; None for a Verify.
 
@@ -122,9 +130,9 @@ class Planner:
             GoalInCollision, Barred, NoPath, TooLong, PlanTimeout, ContactDeepened: A stage failed.
                 The error has the durations of all stages so far.
         """
-        watch, deadline = Stopwatch(self._clock), Deadline(self._clock, query.timeout)
+        watch = Stopwatch(self._clock)
         with watch.stage("ends" if (query.world, _NONE) in self._checkers else "world"):
-            checker = self._checker(query.world)
+            deadline, checker = self._begin(query)
         with checker.within(deadline):
             with watch.stage("ends"):
                 group = self._group(query.group)
@@ -162,7 +170,7 @@ class Planner:
             BadQuery, NotFinite: The request is not valid.
             PlanTimeout: The deadline passed.
         """
-        deadline, checker = Deadline(self._clock, request.timeout), self._checker(request.world)
+        deadline, checker = self._begin(request)
         with checker.within(deadline):
             try:
                 verify_rows(checker, request)
@@ -185,7 +193,7 @@ class Planner:
             BadQuery, NotFinite, StartOutOfBounds, Unreachable, GoalInCollision, PlanTimeout: The
                 first error that applies.
         """
-        deadline, checker = Deadline(self._clock, query.timeout), self._checker(query.world)
+        deadline, checker = self._begin(query)
         group = self._group(query.group)
         with checker.within(deadline):
             return solve_ik(self._robot, self._model, group, checker, query, deadline)
@@ -214,6 +222,16 @@ class Planner:
         body = request.world.body(request.body)
         positions = joint_positions("position", request.positions, self._robot.actuated)
         return self._checker(EMPTY).scene.attached(body, request.link, positions)
+
+    def _begin(self, request: Query | Verify | ToolQuery) -> tuple[Deadline, CollisionChecker]:
+        """Return the deadline of a request, and the checker of its world.
+
+        The deadline begins when all meshes are read.
+        """
+        meshes = self.read_meshes(request.world)
+        deadline, checker = Deadline(self._clock, request.timeout), self._checker(request.world)
+        del meshes  # the scene has them
+        return deadline, checker
 
     def _group(self, name: str) -> JointGroup:
         if name not in self._groups:

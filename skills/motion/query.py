@@ -29,8 +29,8 @@ class Query:
             continuous joint takes the shorter direction, so its position at the end may differ by
             whole turns. On a searched path, it may take the longer direction.
         seed: Seed of the search. Equal queries give equal plans.
-        timeout: Longest time for planning, after a worker has loaded the robot [s]. A timeout may
-            make planning fail, but never changes a plan.
+        timeout: Longest time for planning, after the robot and the meshes of the world are loaded
+            [s]. A timeout may make planning fail, but never changes a plan.
         via: Waypoints before the goal, in order, each in the form of `goal`. If there is room, the
             motion does not stop at a waypoint: every part of the arm then passes within
             `blend.VIA_TOLERANCE` of its place at the waypoint.
@@ -193,6 +193,11 @@ _TYPES: tuple[tuple[str, type | tuple[type, ...], str], ...] = (
     ("plan", Plan, "a Plan of this planner"),
     ("world", World, "a World"),
 )
+
+
+def checked_world(request: Request) -> World:
+    """Return the world in which a planner checks for collisions; the empty world if it does not."""
+    return request.world if isinstance(request, Query | Verify | ToolQuery) else EMPTY
 
 
 def check_types(request: Request) -> None:

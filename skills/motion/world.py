@@ -175,6 +175,11 @@ class World:
         # Of few attributes, because a planner looks up worlds of hundreds of bodies.
         return hash(tuple((body.name, body.position) for body in self.bodies))
 
+    @property
+    def meshes(self) -> list[Mesh]:
+        """The mesh of each body that has one."""
+        return [body.shape for body in self.bodies if isinstance(body.shape, Mesh)]
+
     def body(self, name: str) -> Body:
         """Return the body with the given name.
 
@@ -258,7 +263,7 @@ def mesh_stamp(mesh: Mesh) -> Stamp | None:
 
 def mesh_stamps(world: World) -> list[Stamp | None]:
     """Return the stamp of each mesh file of a world, in the order of the bodies."""
-    return [mesh_stamp(body.shape) for body in world.bodies if isinstance(body.shape, Mesh)]
+    return list(map(mesh_stamp, world.meshes))
 
 
 def quaternion(roll: float, pitch: float, yaw: float) -> Quaternion:

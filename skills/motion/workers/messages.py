@@ -9,6 +9,9 @@ import socket
 import time
 from typing import Any
 
+# A worker's message after it has read the meshes of a request's world, and before it answers.
+MESHES_READ = "meshes read"
+
 _PREFIX = 4  # size of the length field, which is big-endian [bytes]
 _MAX_LENGTH = 2**30  # largest size of a pickle [bytes]
 _CHUNK = 65_536  # largest number of bytes in one read

@@ -10,8 +10,9 @@ its socket. The two FD are file descriptors of sockets to the parent:
             worker's process id with a descriptor of the process, and later its exit code. If the
             robot is unusable, a MotionError is the only report.
 
-A request and its answer have the same number. A MotionError is an answer, too. Any other error ends
-the process, and so does too much memory. The parent then starts a new process.
+A request and its answer have the same number. If the answer needs meshes, a message says when they
+are read, because the timeout of the request begins then. A MotionError is an answer, too. Any other
+error ends the process, and so does too much memory. The parent then starts a new process.
 """
 
 import gc
@@ -24,13 +25,14 @@ import sys
 from contextlib import suppress
 
 from hardware import RealClock
-from skills.motion.errors import MotionError
+from skills.motion.collision.body_meshes import BodyMesh
+from skills.motion.errors import BadWorld, MotionError
 from skills.motion.planner import Planner
-from skills.motion.query import Request, Result
+from skills.motion.query import Request, Result, checked_world
 from skills.motion.world import EMPTY, World
 
 from .memory import limit_memory
-from .messages import encode, receive, send
+from .messages import MESHES_READ, encode, receive, send
 
 
 def main(worlds: int, forks: int) -> None:
@@ -71,7 +73,13 @@ def _load(planner: Planner, world: World) -> None:
 def _answer_requests(planner: Planner, requests: socket.socket) -> None:
     while True:
         number, request = receive(requests)
+        meshes = list[BodyMesh]()
+        if (world := checked_world(request)).meshes:
+            with suppress(BadWorld):  # the answer reports the error
+                meshes = planner.read_meshes(world)
+            send(requests, encode((number, MESHES_READ)))
         send(requests, encode((number, _answer(planner, request))))
+        del meshes
 
 
 def _answer(planner: Planner, request: Request) -> Result:

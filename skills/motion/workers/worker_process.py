@@ -14,13 +14,13 @@ from collections.abc import Callable
 from typing import Any
 
 from hardware import Robot
-from skills.motion.errors import BadQuery, MotionError, PlanTimeout, WorkerDied, shown
-from skills.motion.query import Query, Request, Result, check_types
-from skills.motion.world import EMPTY, Mesh
+from skills.motion.errors import BadQuery, BadWorld, MotionError, PlanTimeout, WorkerDied, shown
+from skills.motion.query import Query, Request, Result, check_types, checked_world
+from skills.motion.world import EMPTY
 
 from .answer_checker import AnswerChecker
 from .fork_server import ForkServer, ending, is_readable, is_stopped
-from .messages import InvalidMessage, encode, receive, send
+from .messages import MESHES_READ, InvalidMessage, encode, receive, send
 
 _MAX_TIMEOUT = 86_400.0  # largest timeout of a request [s]
 _GRACE = 0.008  # a worker that has not answered this time after the timeout is killed [s]
@@ -28,6 +28,7 @@ _SLOW = 0.02  # a world in which an answer takes longer may take long to load [s
 _EXIT = 5.0  # longest wait for the exit code after the worker closed its socket [s]
 _FEW = 100  # a request with fewer via points and bodies in total is encoded quickly
 _START = 30.0  # longest time to load the robot on a slow machine [s]
+_READ = 30.0  # longest time to read the meshes of a world [s]
 _PATIENCE = 0.3  # longest wait for a load of another world; to start a new server takes longer [s]
 _REPORT = 65_536  # largest report about a worker [bytes]
 
@@ -107,6 +108,9 @@ class WorkerProcess:
             until = min(until, deadline)
             if message:
                 send(self._socket, message, until)
+            if checked_world(request).meshes:
+                self._wait_for_meshes(slow)
+                until = _end(request)
             if slow and self._is_slow(until):
                 slow()
             return self._answers.check(request, self._answer_of(receive(self._socket, until)))
@@ -114,7 +118,7 @@ class WorkerProcess:
             return error
         except TimeoutError:
             self.kill()
-            return _timed_out(request)
+            return PlanTimeout(request.timeout)
         except (EOFError, OSError):
             return self._died(until)
         except InvalidMessage as error:
@@ -173,11 +177,31 @@ class WorkerProcess:
     def _deadline(self, request: Request) -> float:
         """Return when a request ends, on the monotonic clock [s]; infinity if it has not begun.
 
-        It begins when it is sent, or at once while the server loads a world for it.
+        It begins when it is sent, or at once while the server loads a world without meshes for it.
         """
-        if self.forked or not self._server.is_loading():
+        meshes = checked_world(request).meshes
+        if self.forked or meshes or not self._server.is_loading():
             return math.inf
-        return time.monotonic() + max(request.timeout, 0.0) + _GRACE
+        return _end(request)
+
+    def _wait_for_meshes(self, slow: Callable[[], None] | None) -> None:
+        """Wait until the worker has read the meshes of a request's world. For `slow`, see `call`.
+
+        Raises:
+            BadWorld: It takes too long. The worker was killed.
+            EOFError, OSError, InvalidMessage: As `receive`.
+        """
+        until = time.monotonic() + _READ
+        if slow and self._is_slow(until):
+            slow()
+        try:
+            message = receive(self._socket, until)
+        except TimeoutError as late:
+            self.kill()
+            why = f"The meshes of the world were not read within {_READ:g} s"
+            raise BadWorld(f"{why}; give meshes with fewer triangles") from late
+        if self._answer_of(message) != MESHES_READ:
+            raise InvalidMessage("before it had read the meshes")
 
     def _wait_until_forked(self, request: Request, deadline: float) -> MotionError | None:
         """Wait until the worker is forked. Return None, or an error.
@@ -196,7 +220,7 @@ class WorkerProcess:
         if not is_readable(self._reports, max(left, 0.0)):
             self.kill()
             if deadline < math.inf:
-                return _timed_out(request)
+                return PlanTimeout(request.timeout)
             self._server.kill()
             return WorkerDied(f"it answered nothing within {_START:g} s of its start")
         with self._lock:
@@ -234,7 +258,7 @@ class WorkerProcess:
         Raises:
             BadQuery: The request cannot be pickled.
         """
-        until = time.monotonic() + max(request.timeout, 0.0) + _GRACE
+        until = _end(request)
         self._number += 1
         try:
             return until, encode((self._number, request))
@@ -293,10 +317,9 @@ def _is_small(request: Request) -> bool:
     return isinstance(request, Query) and len(request.via) + len(request.world.bodies) < _FEW
 
 
-def _timed_out(request: Request) -> PlanTimeout:
-    bodies = getattr(request, "world", EMPTY).bodies
-    meshes = any(isinstance(body.shape, Mesh) for body in bodies)
-    return PlanTimeout(request.timeout, meshes=meshes)
+def _end(request: Request) -> float:
+    """Return the latest time of the answer to a request that begins now [s]."""
+    return time.monotonic() + max(request.timeout, 0.0) + _GRACE
 
 
 def _check(request: Request) -> BadQuery | None:

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from hardware import RealClock, Robot, load_robot
-from skills.motion import Body, Box, Mesh, Plan, PlanCanceled, PlanTimeout, Pool, World
+from skills.motion import BadWorld, Body, Box, Mesh, Plan, PlanCanceled, Pool, World
+from skills.motion.planner import Planner
 from skills.motion.workers import fork_server
 from skills.motion.workers.fork_server import ForkServer
 from skills.motion.workers.worker_process import WorkerProcess
@@ -109,30 +110,55 @@ def test_a_fork_server_that_dies_or_stops_is_replaced_when_it_is_needed(
         assert not running(server)
 
 
-@pytest.mark.slow
-def test_a_job_waits_for_a_fork_server_only_while_it_loads_the_world_of_the_job(
-    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """To load the mesh takes half a second or more."""
-    monkeypatch.setattr("skills.motion.workers.worker_process._SLOW", 0.01)
+@pytest.fixture(scope="module")
+def large(tmp_path_factory: pytest.TempPathFactory) -> World:
+    """A mesh that takes half a second or more to read."""
     count = 60_000
     record = [("normal", "<3f4"), ("corners", "<9f4"), ("attributes", "<u2")]
     triangles = np.zeros(count, dtype=record)
     triangles["corners"] = np.random.default_rng(1).uniform(-0.1, 0.1, (count, 9))
-    file = tmp_path / "large.stl"
+    file = tmp_path_factory.mktemp("large") / "large.stl"
     file.write_bytes(bytes(80) + count.to_bytes(4, "little") + triangles.tobytes())
-    large = World((Body("mesh", Mesh(str(file)), (2.0, 0.0, 0.1)),))
+    return World((Body("mesh", Mesh(str(file)), (2.0, 0.0, 0.1)),))
+
+
+@pytest.mark.slow
+def test_the_timeout_begins_when_the_meshes_are_read(robot: Robot, large: World) -> None:
+    query = dataclasses.replace(PICK, world=large, timeout=0.2)
+    with closing(Pool(robot, 1, RealClock())) as pool:
+        pool.start()
+        assert answered(pool, query).milliseconds["world"] < 200
+    assert Planner(robot).plan(query).milliseconds["world"] > 200
+
+
+@pytest.mark.slow
+def test_meshes_that_take_too_long_to_read_end_the_job(
+    robot: Robot, large: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("skills.motion.workers.worker_process._READ", 0.05)
+    with closing(Pool(robot, 1, RealClock())) as pool:
+        pool.start()
+        late = ask(pool, dataclasses.replace(PICK, world=large))
+        assert isinstance(late, BadWorld)
+        assert "meshes with fewer triangles" in str(late)
+        answered(pool, PICK)
+
+
+@pytest.mark.slow
+def test_a_job_waits_for_a_fork_server_only_while_it_loads_the_world_of_the_job(
+    robot: Robot, large: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("skills.motion.workers.worker_process._SLOW", 0.01)
     with closing(Pool(robot, 1, RealClock())) as pool:
         pool.start()
         answered(pool, PICK)
         assert pool._server
         server = pool._server.pid
-        long = dataclasses.replace(PICK, world=large, timeout=0.05)
         for _ in range(2):  # the second one needs a new worker
-            late = ask(pool, long)
-            assert isinstance(late, PlanTimeout)
-            assert "large meshes take seconds to load" in str(late)
-            assert pool._server.is_loading()
+            job = pool.submit(dataclasses.replace(PICK, world=large), lambda _: None)
+            until(pool._server.is_loading)
+            job.cancel()
+        assert pool._server.is_loading()
         assert pool._server.pid == server
         answered(pool, PICK)
         assert pool._server.pid != server
