@@ -35,8 +35,10 @@ class Arm:
         trees: Folder with task files of your own; default: `./trees`, if it exists. The
             example tasks are in `armtree.EXAMPLES`.
         skills: Folder with Python files of skills of your own.
+        world: JSON or YAML file with the bodies around the arm before the first task.
         recordings: Folder for recordings.
         seed: Seed of planning, from 1.
+        planning_timeout: Longest time of a planner, without the time to read meshes [s].
         pose: Confirmed position of the arm, `boot` or `last`; needed if opening the port does not
             reset the board.
         operator: Answers the questions of tasks. Default: no operator.
@@ -49,6 +51,7 @@ class Arm:
         HardwareError: The robot file is wrong or names no driver, the port cannot be opened, or the
             pose is not confirmed.
         TreeError: The folder of tasks cannot be read.
+        BadWorldFile: The world file is wrong or missing.
     """
 
     def __init__(
@@ -57,8 +60,10 @@ class Arm:
         robot: str | Path | None = None,
         trees: str | Path | None = None,
         skills: str | Path | None = None,
+        world: str | Path | None = None,
         recordings: str | Path = Setup.recordings,
         seed: int = Setup.seed,
+        planning_timeout: float = Setup.planning_timeout,
         pose: str | None = None,
         operator: Operator | None = None,
     ) -> None:
@@ -71,8 +76,10 @@ class Arm:
             port=port,
             robot=None if robot is None else Path(robot),
             trees=find_own_trees() if trees is None else Path(trees),
+            world=None if world is None else Path(world),
             recordings=Path(recordings),
             seed=seed,
+            planning_timeout=planning_timeout,
             pose=pose,
             single_user=True,
         )

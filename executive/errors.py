@@ -408,7 +408,7 @@ class BadWorldFile(FileError):
     """A file of obstacles is wrong."""
 
     code = "file.world"
-    hint = "correct it at the line that the message names"
+    hint = "correct the file, then run again"
 
 
 class UsageError(ArmtreeError):

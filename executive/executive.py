@@ -40,7 +40,7 @@ from skills import (
     SkillError,
     query_tool_target,
 )
-from skills.motion import Pool, Unreachable, World
+from skills.motion import EMPTY, Pool, Unreachable, World
 from skills.motion.world import Vector
 from trees import Located, TaskLibrary, TreeError
 from trees.compile.arguments import located
@@ -89,6 +89,7 @@ class Executive:
         clock: Time source.
         operator: Answers the questions of tasks. Default: no operator.
         leader: Hand-guided arm, for tasks that follow it. Default: none.
+        world: Bodies around the arm before the first goal.
 
     Attributes:
         setup, robot, library, clock: The arguments of these names.
@@ -106,6 +107,7 @@ class Executive:
         clock: Clock,
         operator: Operator | None = None,
         leader: Leader | None = None,
+        world: World = EMPTY,
     ) -> None:
         self.setup, self.robot, self.library, self.clock = setup, robot, library, clock
         self.port, self._started = link.port if link else "", clock.now()
@@ -148,6 +150,7 @@ class Executive:
             operator=operator or NoOperator(),
             leader=leader or NullLeader(),
         )
+        context.scene.world = world
         self._executor = GoalExecutor(
             self._queue,
             self._stopper,

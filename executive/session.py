@@ -9,7 +9,7 @@ import logs
 from hardware import VIRTUAL, Clock, Link, LinkError, RealClock, Robot, utc_ns
 from logs.writing.retention import Rule, prune
 from skills import Leader, Operator
-from skills.motion import Pool
+from skills.motion import EMPTY, Pool, World
 from skills.user_skills import load_skills
 from trees import Library, TaskLibrary
 from trees.nodes.kind import reserved_names
@@ -54,10 +54,12 @@ def open_executive(
         HardwareError: The robot file is wrong or names no driver, or the start pose is not
             confirmed. For a single user also: the port does not exist or is not permitted.
         TreeError: The folder of tasks cannot be read.
+        BadWorldFile: The world file is wrong or missing.
         LogError: A recording could not be finished at the end.
     """
     check_host(setup.workers)
     robot, clock = setup.load_robot(), clock or RealClock()
+    world = _world(setup)
     port = robot.serial.port if setup.port is None else setup.port
     with ExitStack() as stack:
         if link is None and port:
@@ -71,7 +73,7 @@ def open_executive(
         if pool is None:
             pool = Pool(robot, setup.workers, clock)
             stack.enter_context(closing(pool))
-        executive = Executive(setup, robot, link, library, pool, clock, operator, leader)
+        executive = Executive(setup, robot, link, library, pool, clock, operator, leader, world)
         if subscriber:
             executive.subscribe(subscriber)
         for line in early:
@@ -96,6 +98,14 @@ def _check_port(setup: Setup, link: Link | None, report: Callable[[str], None]) 
         if setup.single_user:
             raise
         report(str(error))
+
+
+def _world(setup: Setup) -> World:
+    if setup.world is None:
+        return EMPTY
+    from .preview.world_file import read_world  # slow to import
+
+    return read_world(setup.world)
 
 
 def _switch_on(link: Link, stack: ExitStack) -> None:

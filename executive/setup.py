@@ -31,9 +31,11 @@ class Setup:
         keep_days: Age at which a recording is deleted [days]; None for never.
         keep_mb: Largest total size of the recordings [MB]. If it is exceeded, the oldest are
             deleted. None for no limit.
+        world: JSON or YAML file with the bodies around the arm before the first goal; None for no
+            bodies.
         seed: Seed of planning.
         workers: Number of planner processes.
-        planning_timeout: Longest time of a planner [s].
+        planning_timeout: Longest time of a planner, without the time to read meshes [s].
         policy: Policy for a second goal.
         result_timeout: Time for which the result of an ended goal is kept [s]; see `GoalQueue`.
         single_user: True if only one caller sends goals. A goal then activates the arm, and its
@@ -52,6 +54,7 @@ class Setup:
     recording_timeout: float = 5.0
     keep_days: float | None = None
     keep_mb: float | None = None
+    world: Path | None = None
     seed: int = 1
     workers: int = 1
     planning_timeout: float = 5.0

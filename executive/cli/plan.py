@@ -48,6 +48,7 @@ from .terminal.streams import echo
     help="Group of joints that moves. Default: the group of the named joints, else the arm.",
 )
 @option("seed")
+@option("planning_timeout")
 @drawing_option(default=Path("plan.png"), show_default=True)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object, in rad, m and s.")
 def plan(
@@ -64,6 +65,7 @@ def plan(
     world: Path | None,
     group: str | None,
     seed: int,
+    planning_timeout: float,
     output: Path,
     as_json: bool,
 ) -> None:
@@ -105,7 +107,7 @@ def plan(
     words = " ".join(start).split()
     loaded, library = load_library(trees, robot)
     request = PlanRequest(loaded, library, goal, group, seed, words, via, tool_inputs)
-    explanation = Explanation(request, world, output)
+    explanation = Explanation(request, world, planning_timeout, output)
     if as_json:
         echo(json.dumps(explanation.to_json()))
     else:

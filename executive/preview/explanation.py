@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -27,6 +28,7 @@ class Explanation:
     Args:
         request: Arguments of `armtree plan`, with the motions to plan.
         world: JSON or YAML file with a list of bodies, as in `World.plain`; None for no bodies.
+        timeout: Longest time to plan a motion [s].
         output: PNG, SVG or PDF file for the drawing of the first motion. Drawings of further
             motions are written to the same folder, with a number in their names.
 
@@ -36,8 +38,11 @@ class Explanation:
         MotionError: The tool cannot reach a point.
     """
 
-    def __init__(self, request: PlanRequest, world: Path | None, output: Path) -> None:
-        self._robot, self._world, self._output = request.robot, world, output
+    def __init__(
+        self, request: PlanRequest, world: Path | None, timeout: float, output: Path
+    ) -> None:
+        self._robot, self._world = request.robot, world
+        self._timeout, self._output = timeout, output
         self._watch = Stopwatch(RealClock())
         with self._watch.stage("model"):
             self._planner = Planner(request.robot)
@@ -82,9 +87,10 @@ class Explanation:
     def _planned(self, number: int, motion: Motion) -> tuple[float, Plan, Path]:
         """Return the time of the first planning [ms], the plan, and the file of its drawing."""
         output = self._output
+        query = replace(motion.query, timeout=self._timeout)
         with self._blaming_the_file():
-            first = sum(self._planner.plan(motion.query).milliseconds.values())
-            plan = self._planner.plan(motion.query)
+            first = sum(self._planner.plan(query).milliseconds.values())
+            plan = self._planner.plan(query)
         return first, plan, output if number == 1 else output.with_stem(f"{output.stem}-{number}")
 
     @contextmanager

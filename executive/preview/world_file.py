@@ -9,7 +9,6 @@ from executive.api import strict_json
 from executive.errors import BadWorldFile
 from hardware import Robot, read_file
 from skills.motion import BadWorld, World
-from skills.motion.collision.planning_scene import PlanningScene
 from trees import FileError, Located, Mistake, Place
 from trees.reading.document import draft_document, nested, split_lines
 
@@ -82,6 +81,8 @@ def check_world(file: Path, world: World, robot: Robot) -> None:
     Raises:
         BadWorldFile: A body names an unknown link or body, or a file that is not a mesh.
     """
+    from skills.motion.collision.planning_scene import PlanningScene  # imports pinocchio
+
     try:
         PlanningScene(robot, world)
     except BadWorld as error:

@@ -207,7 +207,10 @@ class StartInCollision(EndInCollision):
     """The arm is too close to itself or an obstacle at the start."""
 
     code = "plan.start_in_collision"
-    hint = "move the arm away by hand, with its power off if it holds, then run again"
+    hint = (
+        "move the arm away by hand, with its power off if it holds, or correct the bodies around "
+        "it, then run again"
+    )
     what = "start"
 
 
@@ -387,7 +390,7 @@ class PlanTimeout(MotionError, TimeoutError):
 
     code = "plan.timeout"
     exit_status = 8
-    hint = "allow more time, add a via pose, or choose another goal"
+    hint = "raise planning_timeout, add a via pose, or choose another goal"
 
     def __init__(
         self,
@@ -401,7 +404,7 @@ class PlanTimeout(MotionError, TimeoutError):
         self.from_start, self.from_goal = from_start, from_goal
         what = f"No plan within {timeout:g} s"
         if searches:
-            self.hint = f"allow more time, {NoPath.hint}"
+            self.hint = f"raise planning_timeout, {NoPath.hint}"
             what += f" {_tried(samples, searches, from_start, from_goal)}"
         super().__init__(f"{what}; {self.hint}")
 

@@ -42,8 +42,9 @@ class CollisionChecks:
         poses: Places and configurations [rad] to check in an empty world.
         trees: Compiled tasks and subtrees.
         tasks: The tasks among them.
-        notes: Notes about first motions that start in collision, points out of reach, and timeouts
-            shorter than their motions. All assume that the arm is in its start pose.
+        notes: Notes about configurations that could not be checked. Also notes that assume that the
+            arm is in its start pose: about first motions that start in collision, points out of
+            reach, and timeouts shorter than their motions.
         absent: Bodies that a task uses but does not add: name of the body, a similar name or "",
             and place of the node, by place of the use.
     """
@@ -72,11 +73,12 @@ class CollisionChecks:
             first_worlds = self._first_worlds()
             yield from self._found
             for (pose, world), uses in configurations.items():
-                if broken.isdisjoint(world.bodies) and (hit := self._collision(pose, world)):
+                first, _ = uses[0]
+                if broken.isdisjoint(world.bodies) and (hit := self._collision(pose, world, first)):
                     yield from (Mistake(place, f"{message}: {hit}") for place, message in uses)
             for world, place in first_worlds.items():
                 new = (boot, world) not in configurations and broken.isdisjoint(world.bodies)
-                if new and (hit := self._collision(boot, world)):
+                if new and (hit := self._collision(boot, world, place)):
                     named = self.robot.firmware.words.start_pose
                     why = f"in its {named}, before this motion, the arm is in collision"
                     self.notes.append(Mistake(place, f"{why}: {hit}"))
@@ -88,14 +90,18 @@ class CollisionChecks:
         answer = self.pool.ask(Verify([self.robot.boot_pose], 0.0, world=alone))
         return answer if isinstance(answer, (BadWorld, WorkerDied)) else None
 
-    def _collision(self, pose: Pose, world: World) -> str:
-        """Return a message about a collision in a configuration, or an empty text."""
+    def _collision(self, pose: Pose, world: World, place: Place) -> str:
+        """Return a message about a collision in a configuration, or an empty text.
+
+        If the configuration cannot be checked, for example in time, add a note with the place.
+        """
         answer = self.pool.ask(Verify([pose], self.robot.collision.margin, world=world))
         # A subtree may name bodies that only its users add.
         if not isinstance(answer, MotionError) or isinstance(answer, BadWorld):
             return ""
         if not isinstance(answer, MotionCollides):
-            return str(answer)
+            self.notes.append(Mistake(place, f"not checked for collisions: {answer}"))
+            return ""
         advice = advice_for_contact(self.robot, answer.first, answer.second)
         return f"{answer.contact}; {advice}" if advice else answer.contact
 

@@ -113,6 +113,12 @@ SETTINGS = {
     "workers": Setting(
         metavar="N", type=Whole(1), default=Setup.workers, help="Number of planner processes."
     ),
+    "planning_timeout": Setting(
+        type=Finite(0.1, 3600.0),
+        default=Setup.planning_timeout,
+        metavar="SECONDS",
+        help="Longest time to plan a motion, without the time to read meshes [s].",
+    ),
     "recording_timeout": Setting(
         type=ABOVE_0,
         default=Setup.recording_timeout,

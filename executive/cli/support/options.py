@@ -168,8 +168,11 @@ def _together(*options: Callable[[F], F]) -> Callable[[F], F]:
 
 
 source_options = _together(
-    port_option, robot_option, trees_option, skills_option, recordings_option
+    port_option, robot_option, trees_option, skills_option, option("world"), recordings_option
 )
 run_options = _together(
-    *map(option, ("seed", "workers", "recording_timeout", "keep_days", "keep_mb")), pose_option
+    *map(
+        option, ("seed", "workers", "planning_timeout", "recording_timeout", "keep_days", "keep_mb")
+    ),
+    pose_option,
 )

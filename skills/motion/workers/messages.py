@@ -1,8 +1,4 @@
-"""Messages between a worker process and its parent process. A message is a length and a pickle.
-
-The next message is sent only after the answer to the previous message, so no bytes follow a
-message.
-"""
+"""Messages between a worker process and its parent process. A message is a length and a pickle."""
 
 import pickle
 import socket
@@ -62,9 +58,9 @@ def receive(connection: socket.socket, until: float | None = None) -> Any:
         InvalidMessage: The bytes are not a message.
     """
     data = bytearray()
-    while _missing(data):
+    while missing := _missing(data):
         _set_timeout(connection, until)
-        chunk = connection.recv(_CHUNK)
+        chunk = connection.recv(min(missing, _CHUNK))
         if not chunk:
             raise EOFError
         data += chunk
@@ -87,11 +83,11 @@ def _missing(data: bytearray) -> int:
     """Return how many bytes of the length field, or else of the pickle, were not received yet.
 
     Raises:
-        InvalidMessage: The message is too long, or more bytes follow the message.
+        InvalidMessage: The message is too long.
     """
     if len(data) < _PREFIX:
         return _PREFIX - len(data)
     length = int.from_bytes(data[:_PREFIX])
-    if length > _MAX_LENGTH or len(data) > _PREFIX + length:
-        raise InvalidMessage(f"{len(data)} bytes of a message of {length}")
+    if length > _MAX_LENGTH:
+        raise InvalidMessage(f"a message of {length} bytes")
     return _PREFIX + length - len(data)

@@ -65,11 +65,12 @@ def test_a_failed_search_names_the_narrow_end() -> None:
 
 def test_a_timeout_says_what_was_tried() -> None:
     assert str(motion.PlanTimeout(5.0)) == (
-        "No plan within 5 s; allow more time, add a via pose, or choose another goal"
+        "No plan within 5 s; raise planning_timeout, add a via pose, or choose another goal"
     )
     assert str(motion.PlanTimeout(5.0, 1400, 2, 900, 30)) == (
         "No plan within 5 s by a line, by bends, or by 2 searches with 1400 samples, which reached "
         "900 configurations from the start and 30 from the goal; the goal is in the narrow place; "
-        "allow more time, choose another goal, or add a via pose in front of the narrow place"
+        "raise planning_timeout, choose another goal, or add a via pose in front of the narrow "
+        "place"
     )
     assert "by 1 search with 8 samples" in str(motion.PlanTimeout(5.0, 8, 1, 3, 2))

@@ -96,7 +96,6 @@ def answered(answer: object, number: object = 1) -> bytes:
         answered(PlanTimeout(1.0), number=2),
         answered(PlanTimeout(1.0), number=np.array([1, 1])),
         answered(PlanTimeout(1.0), number=1.0),
-        answered(PlanTimeout(1.0)) + b"and more",
         (2**31).to_bytes(4),
     ],
 )
@@ -108,6 +107,16 @@ def test_a_worker_with_an_invalid_answer(
         assert isinstance(worker.call(PICK), WorkerDied)
         assert not worker.alive
     assert not Path(f"/proc/{worker.pid}").exists()
+
+
+def test_bytes_after_an_answer_are_no_answer(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    program(tmp_path / "more", SAYS, monkeypatch, answer=answered(PlanTimeout(1.0)) + b"and more")
+    with started(robot) as worker:
+        assert isinstance(worker.call(PICK), PlanTimeout)
+        assert isinstance(worker.call(PICK), WorkerDied)
+        assert not worker.alive
 
 
 def test_a_worker_with_a_plan_for_another_goal(
