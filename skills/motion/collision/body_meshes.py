@@ -16,7 +16,7 @@ from skills.motion.world import Mesh, Stamp, mesh_stamp
 
 _HOLLOW = 0.03  # radius of a ball that fits into a hollow mesh; about that of a small link [m]
 _PLACES = 256  # places of the ball that are tried
-_MAX_FREE = 8  # free places that are checked for solid material, which may take 10 ms for each
+_MAX_FREE = 8  # free places that are checked for solid material, 30 ms each for 400,000 triangles
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class BodyMesh:
 class BodyMeshes:
     """Meshes that some scene contains. A mesh is dropped with the last scene that contains it.
 
-    A large mesh takes a second to read, and a scene with it a few milliseconds to build.
+    A mesh of 400,000 triangles takes 3 s to read, and a scene with it 3 ms to build.
     """
 
     def __init__(self) -> None:

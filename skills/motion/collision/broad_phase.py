@@ -126,7 +126,7 @@ class BroadPhase:
         parts = [part.collisions(q, stop, self._rows, self._check) for part in active]
         if len(parts) == 1:
             return parts[0]
-        return np.logical_or(*parts) if parts else np.zeros(len(q), bool)
+        return np.any(parts, axis=0) if parts else np.zeros(len(q), bool)
 
     def close_pairs(self, q: Array) -> frozenset[int]:
         """Return all checked pairs closer than the margin in some row (N, nq)."""
@@ -144,13 +144,13 @@ class BroadPhase:
 
 
 class _Part(ABC):
-    """Some pairs of hulls, with the working memory of their checks.
+    """Some pairs of shapes, with the working memory of their checks.
 
     Attributes:
         active: True if some of the pairs are checked.
 
     Args:
-        shapes: The hulls and these pairs of them.
+        shapes: The shapes and these pairs of them.
         data: Working memory of the geometry.
     """
 
@@ -212,6 +212,7 @@ class _Pool(_Part):
     def _find_close(self, q: Array, found: list[int], rows: int, check: Callable[[], None]) -> None:
         places = self._own.nonzero()[0].tolist()
         while len(q):
+            check()
             results = [self._results[place] for place in places]
             for result in results:
                 result.clear()  # a check with boxes does not reset the results of distant pairs
@@ -226,7 +227,7 @@ class _Pool(_Part):
 
 
 class _AllBoxes(_Pool):
-    """Compares the boxes of all hulls, row by row. For few shapes, it is faster than a tree.
+    """Compares the boxes of all shapes, row by row. For few shapes, it is faster than a tree.
 
     `pin.computeCollisions` does a row's three steps in one call, but takes longer to find out which
     kind of boxes it has. Few pairs are checked without boxes, because boxes take time for every
@@ -235,10 +236,11 @@ class _AllBoxes(_Pool):
 
     def __init__(self, model: pin.Model, shapes: BroadPairs) -> None:
         super().__init__(model, shapes, pin.GeometryPool)
-        hulls, data = shapes.geometry, self._data
-        self._placed = model, model.createData(), hulls, data
-        self._boxes = pin.BroadPhaseManager_NaiveCollisionManager(model, hulls, data)
-        self._first = pin.CollisionCallBackDefault(hulls, data, True)
+        geometry, data = shapes.geometry, self._data
+        self._meshed = any(_is_mesh(shape.geometry) for shape in geometry.geometryObjects)
+        self._placed = model, model.createData(), geometry, data
+        self._boxes = pin.BroadPhaseManager_NaiveCollisionManager(model, geometry, data)
+        self._first = pin.CollisionCallBackDefault(geometry, data, True)
 
     def collisions(self, q: Array, stop: bool, rows: int, check: Callable[[], None]) -> Mask:
         if np.count_nonzero(self._own) <= _FEW_PAIRS:
@@ -259,6 +261,9 @@ class _AllBoxes(_Pool):
         return hits
 
     def _find_close(self, q: Array, found: list[int], rows: int, check: Callable[[], None]) -> None:
+        if self._meshed:
+            super()._find_close(q, found, rows, check)
+            return
         # Each check finds one pair. To read the results of all pairs would take longer.
         first, period = self._first, min(rows, _ROWS)
         for i, row in enumerate(q):
@@ -279,12 +284,12 @@ def _is_any_flat(shapes: BroadPairs) -> bool:
 
 
 def _boxed_pairs(shapes: BroadPairs) -> Mask:
-    """Return True for each pair of hulls that both have a bounded box with a volume (P,).
+    """Return True for each pair of shapes that both have a bounded box with a volume (P,).
 
     A mesh counts as not boxed, because it is replaced after a tree was built; see `_pool`.
     """
-    hulls = [shape.geometry for shape in shapes.geometry.geometryObjects]
-    volumes = [0.0 if _is_mesh(hull) else hull.aabb_local.volume() for hull in hulls]
+    geometries = [shape.geometry for shape in shapes.geometry.geometryObjects]
+    volumes = [0.0 if _is_mesh(each) else each.aabb_local.volume() for each in geometries]
     boxed = np.array([0.0 < volume < math.inf for volume in volumes], bool)
     first, second = shapes.ends.T
     both: Mask = boxed[first] & boxed[second]

@@ -6,7 +6,7 @@ margin. In the broad phase, a hollow mesh of the world counts as a hull, althoug
 its triangles; see `PlanningScene.triangle_pairs`.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from functools import cached_property, partial
 from typing import NamedTuple
@@ -98,7 +98,7 @@ class CollisionChecker:
 
     @cached_property
     def _containment(self) -> ContainmentChecker:
-        return ContainmentChecker(self.scene, self._data, self._placed)
+        return ContainmentChecker(self.scene, self._data, self._placed, self._check)
 
     @cached_property
     def _distances(self) -> SignedDistance:
@@ -205,14 +205,18 @@ class CollisionChecker:
         links = self.scene.exact_links
         return Contact(links[pair.first], links[pair.second], distance)
 
-    def contacts(self, configuration: Array, margin: float) -> dict[int, Contact]:
+    def contacts(
+        self, configuration: Array, margin: float, pairs: Iterable[int] | None = None
+    ) -> dict[int, Contact]:
         """Return the links that are closer than a margin, by their pair of `scene.hulls`.
 
         Args:
             configuration: All actuated joints (A,) [rad].
             margin: Distance to keep [m].
+            pairs: Pairs of `scene.hulls` to measure. Default: all.
         """
-        distances = self._distances.below(self._coordinates(configuration[None, :])[0], margin)
+        (q,) = self._coordinates(configuration[None, :])
+        distances = self._distances.below(q, margin, pairs)
         return {pair: self._contact(pair, distance) for pair, distance in distances.items()}
 
     def first_closer(
@@ -231,7 +235,7 @@ class CollisionChecker:
         near = near[self._narrow.collisions(q[near], pair, margin, stop=False)]
         for row in near.tolist():
             self._check()
-            if closer := self._distances.below(q[row], least, pair):
+            if closer := self._distances.below(q[row], least, [pair]):
                 return row, self._contact(pair, closer[pair])
         return None
 

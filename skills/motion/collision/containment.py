@@ -7,6 +7,8 @@ Only the ends of a motion need this check: between them, a shape cannot get insi
 with the surface.
 """
 
+from collections.abc import Callable
+
 import coal
 import numpy as np
 import pinocchio as pin
@@ -26,13 +28,20 @@ class ContainmentChecker:
         scene: The scene.
         data: Working memory for the scene's kinematics.
         placed: Working memory for the scene's exact geometry.
+        check: Callback before calls that may take milliseconds. It raises an exception to stop.
 
     Attributes:
         mesh_pairs: Pairs of `scene.exact` with a mesh, except those with the floor.
     """
 
-    def __init__(self, scene: PlanningScene, data: pin.Data, placed: pin.GeometryData) -> None:
-        self._scene, self._data, self._placed = scene, data, placed
+    def __init__(
+        self,
+        scene: PlanningScene,
+        data: pin.Data,
+        placed: pin.GeometryData,
+        check: Callable[[], None],
+    ) -> None:
+        self._scene, self._data, self._placed, self._check = scene, data, placed, check
         shapes = [shape.geometry for shape in scene.exact.geometryObjects]
         ends, count = scene.ends(scene.exact), len(shapes)
         solid = np.isin(np.arange(count), list(scene.volumes))
@@ -89,6 +98,7 @@ class ContainmentChecker:
 
     def _contains(self, mesh: int, point: Array) -> bool:
         """Return True if a mesh is solid and contains a point in its frame (3,) [m]."""
+        self._check()
         volume = self._scene.volumes[mesh]
         if self._scene.is_body(self._scene.exact_links[mesh]):
             return volume.contains(point)

@@ -8,7 +8,7 @@ therefore never too small.
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 
 import coal
 import numpy as np
@@ -53,8 +53,7 @@ class SignedDistance:
         self._scene, self._data, self._placed = scene, data, placed
         self._containment, self._check = containment, check
         self._placed_hulls = pin.GeometryData(scene.hulls)
-        pairs = {links: k for k, links in enumerate(scene.linked_pairs(scene.hulls))}
-        self._hull_pairs = [pairs[links] for links in scene.linked_pairs(scene.exact)]
+        self._hull_pairs = scene.hull_pairs_of_exact
 
     def nearest(self, q: Array) -> tuple[int, float]:
         """Return the deepest pair of `scene.exact`, or else the closest one, and its distance [m].
@@ -80,31 +79,39 @@ class SignedDistance:
                 return found, nearest
         raise AssertionError("shapes have a finite distance")
 
-    def below(self, q: Array, most: float, only: int | None = None) -> dict[int, float]:
+    def below(self, q: Array, most: float, only: Iterable[int] | None = None) -> dict[int, float]:
         """Return the distances of links that are closer than a distance, by pair of `scene.hulls`.
 
         Args:
             q: Coordinates of pinocchio (nq,).
             most: The distance [m].
-            only: The only pair to measure. Default: all.
+            only: The pairs to measure. Default: all.
         """
-        near, found = self._hull_distances(q) < most, dict[int, float]()
-        if only is not None:
-            near &= np.array(self._hull_pairs) == only
+        near, found = self._hull_distances(q, only) < most, dict[int, float]()
         for k in np.flatnonzero(near).tolist():
             distance = self._overlap(k, most)
             if distance == math.inf and most > 0.0:
                 distance = self._gap(k, most)
-            if distance < found.get(self._hull_pairs[k], most):
-                found[self._hull_pairs[k]] = distance
+            pair = int(self._hull_pairs[k])
+            if distance < found.get(pair, most):
+                found[pair] = distance
         return found
 
-    def _hull_distances(self, q: Array) -> Array:
-        """Place all shapes, and return the distance of the hulls of each pair of `scene.exact`."""
-        scene = self._scene
-        pin.computeDistances(scene.kinematics, self._data, scene.hulls, self._placed_hulls, q)
+    def _hull_distances(self, q: Array, only: Iterable[int] | None = None) -> Array:
+        """Place all shapes, and return the distance of the hulls of each pair of `scene.exact`.
+
+        If pairs of `scene.hulls` are given, the distances of all others are infinite.
+        """
+        scene, placed = self._scene, self._placed_hulls
+        if only is None:
+            pin.computeDistances(scene.kinematics, self._data, scene.hulls, placed, q)
+            hulls = np.array([result.min_distance for result in placed.distanceResults])
+        else:
+            pin.updateGeometryPlacements(scene.kinematics, self._data, scene.hulls, placed, q)
+            hulls = np.full(len(scene.ends(scene.hulls)), math.inf)
+            for pair in only:
+                hulls[pair] = pin.computeDistance(scene.hulls, placed, pair).min_distance
         pin.updateGeometryPlacements(scene.kinematics, self._data, scene.exact, self._placed)
-        hulls = np.array([result.min_distance for result in self._placed_hulls.distanceResults])
         distances: Array = hulls[self._hull_pairs]
         return distances
 
@@ -140,7 +147,7 @@ class SignedDistance:
 
     def _depth(self, pair: int, enough: float) -> float:
         """Return a bound on the penetration depth [m]. The search ends at `enough` or less."""
-        hulls = self._placed_hulls.distanceResults[self._hull_pairs[pair]]
+        hulls = self._placed_hulls.distanceResults[int(self._hull_pairs[pair])]
         depth: float = max(0.0, -hulls.min_distance)
         directions = () if self._is_fine(pair) else self._exits(pair, np.array(hulls.normal))
         for direction in directions:

@@ -66,7 +66,10 @@ class NarrowPhase:
         pin.updateGeometryPlacements(model, joints, exact, self._placed, q)
 
     def touch(self, q: Array) -> bool:
-        """Place the shapes like `place`. Return True if shapes touch. May miss the floor."""
+        """Place the shapes like `place`. Return True if shapes touch.
+
+        It may miss the floor and flat meshes.
+        """
         self.place(q)
         boxes, first = self._boxes, self._first
         boxes.update(False)

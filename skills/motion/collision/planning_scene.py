@@ -166,8 +166,8 @@ class PlanningScene:
         For meshes and the floor, it returns the pair of hulls: a mesh touches the floor exactly if
         its hull touches the floor, and coal checks a hull a hundred times faster.
         """
-        links = frozenset(self.hull_links[hull] for hull in self._hull_ends[pair])
-        pairs = self._exact_pairs[links]
+        links = [self.hull_links[hull] for hull in self._hull_ends[pair]]
+        pairs = np.flatnonzero(self.hull_pairs_of_exact == pair).tolist()
         shapes = set(self._exact_ends[pairs].ravel().tolist())
         meshes = self.volumes.keys() & shapes
         if FLOOR in links and len(meshes) == len(shapes) - 1:
@@ -175,12 +175,16 @@ class PlanningScene:
         return ShapePairs(self.exact, pairs, bool(meshes))
 
     @cached_property
-    def _exact_pairs(self) -> dict[frozenset[str], list[int]]:
-        """Indices of the pairs of `exact`, by the two links of each pair."""
-        found = dict[frozenset[str], list[int]]()
-        for k, links in enumerate(self.linked_pairs(self.exact)):
-            found.setdefault(frozenset(links), []).append(k)
-        return found
+    def hull_pairs_of_exact(self) -> NDArray[np.intp]:
+        """For each pair of `exact`, the pair of `hulls` with the same two links."""
+        rows = {link: row for row, link in enumerate(self.hull_links)}
+        links = np.array([rows[link] for link in self.exact_links], np.intp)
+        numbers = np.zeros((len(rows), len(rows)), np.intp)
+        first, second = self._hull_ends.T
+        numbers[first, second] = numbers[second, first] = np.arange(len(first))
+        first, second = links[self._exact_ends].T
+        pairs: NDArray[np.intp] = numbers[first, second]
+        return pairs
 
     def _links(self, geometry: pin.GeometryModel) -> list[str]:
         return self.exact_links if geometry is self.exact else self.hull_links
@@ -230,7 +234,7 @@ class PlanningScene:
     def _with_triangles(self, hollow: dict[int, pin.GeometryObject]) -> BroadPairs:
         """Return the pairs of hulls, with triangles in place of some hulls.
 
-        In a pair of two hollow meshes, one remains a hull: that of the body that moves.
+        In a pair of two hollow meshes, one remains a hull: that on the later joint.
 
         Args:
             hollow: Triangles of each hollow mesh, by the index of its hull.

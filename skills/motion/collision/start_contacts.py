@@ -47,8 +47,8 @@ class StartContacts:
 
         It is 0 if all contacts keep the margin in the configuration (A,) [rad], else negative.
         """
-        near = self.checker.contacts(configuration, self._margin)
-        return sum(near[pair].distance - self._margin for pair in self._contacts if pair in near)
+        near = self.checker.contacts(configuration, self._margin, self._contacts)
+        return sum(contact.distance - self._margin for contact in near.values())
 
     def first_deeper(self, configurations: Array) -> tuple[int, Contact] | None:
         """Return the first row in which a contact is closer than at the start, or None.

@@ -24,6 +24,7 @@ from skills.motion import (
     Verify,
     World,
 )
+from skills.motion.arrays import Array
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
 from skills.motion.planner import Planner
@@ -110,10 +111,10 @@ def test_a_held_body_in_a_mesh(tmp_path: Path, shape: Shape) -> None:
         PLANNER.plan(Query("arm", STAND, AWAY, world=World((held, around))))
 
 
-def volume(triangles: Sequence[tuple[int, int, int]]) -> EnclosedVolume:
+def volume(triangles: Sequence[tuple[int, int, int]], corners: Array = CORNERS) -> EnclosedVolume:
     mesh = coal.BVHModelOBBRSS()
-    mesh.beginModel(len(triangles), len(CORNERS))
-    mesh.addVertices(CORNERS)
+    mesh.beginModel(len(triangles), len(corners))
+    mesh.addVertices(corners)
     mesh.addTriangles(np.array(triangles))
     mesh.endModel()
     return EnclosedVolume(mesh)
@@ -136,6 +137,15 @@ def test_a_point_is_never_inside_an_open_mesh(points: list[tuple[float, float, f
     tray = volume(TRIANGLES[:-2])
     assert not tray.closed
     assert not any(tray.contains(np.array(point)) for point in points)
+
+
+def test_rounding_of_vertices_opens_no_mesh() -> None:
+    """As in a sphere whose last vertices are at sin(pi), which is 1e-16 in floating point."""
+    corners = CORNERS[np.ravel(TRIANGLES)]
+    corners *= 1.0 + np.random.default_rng(1).uniform(-1e-9, 1e-9, corners.shape)
+    apart = [(i, i + 1, i + 2) for i in range(0, len(corners), 3)]
+    assert volume(apart, corners).contains(np.zeros(3))
+    assert not volume(apart[:-1], corners).closed
 
 
 @given(POINTS)
