@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from .task_motions import Motion
 from .world_file import check_world, read_world
 
 _STEP = 0.005  # time between two points of the curves [s]
+_MOST_BODIES = 20  # largest number of names of bodies in the explanation
 _MOST_POINTS = 20_000  # largest number of points of the curves, for motions of hours
 
 
@@ -174,8 +176,10 @@ def _joints(robot: Robot, names: Iterable[str], positions: Iterable[float]) -> s
 
 def _bodies(world: World, left_out: Sequence[str]) -> Iterator[str]:
     bodies = (f"{b.name} on {b.link}" if b.link else b.name for b in world.bodies)
+    left = len(world.bodies) - _MOST_BODIES
+    more = f" and {left} more" if left > 0 else ""
     if world.bodies:
-        yield f"Bodies    {', '.join(bodies)}"
+        yield f"Bodies    {', '.join(islice(bodies, _MOST_BODIES))}{more}"
     if left_out:
         yield f"Left out  {', '.join(left_out)}: bodies whose pose is known only in a run"
 

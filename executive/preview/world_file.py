@@ -86,4 +86,4 @@ def check_world(file: Path, world: World, robot: Robot) -> None:
     try:
         PlanningScene(robot, world)
     except BadWorld as error:
-        raise BadWorldFile.at(file, str(error)) from error
+        raise BadWorldFile(_mistakes(file, read_file(file, _MAX_BYTES), error.all)) from error

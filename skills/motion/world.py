@@ -168,8 +168,9 @@ class World:
             )
         names = [body.name for body in self.bodies]
         if len(set(names)) < len(names):
-            name = next(name for name in names if names.count(name) > 1)
-            raise BadWorld(f"Two bodies have the name {name}; rename one")
+            number = next(k for k, name in enumerate(names) if name in names[:k])
+            why = f"Two bodies have the name {names[number]}; rename one"
+            raise BadWorld(why, number, "name")
 
     def __hash__(self) -> int:
         # Of few attributes, because a planner looks up worlds of hundreds of bodies.

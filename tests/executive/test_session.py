@@ -5,10 +5,16 @@ from pathlib import Path
 
 import pytest
 
+import logs
+from executive.errors import BadWorldFile
 from executive.session import open_executive
 from executive.setup import Setup
+from executive.task_runner import TaskRunner
+from hardware import BoardLink, Robot, SimulatedClock
 from hardware.drivers.virtual.board_process import BoardProcess, VirtualLink
 from hardware.errors import PortMissing
+from skills.motion import Pool
+from tests.support.arms.virtual_boards import virtual_board
 
 
 def test_the_virtual_board_of_a_single_user_starts_at_once_and_ends_with_the_executive(
@@ -42,6 +48,32 @@ def test_a_server_reports_a_missing_port_and_starts(tmp_path: Path) -> None:
         pass
     with open_executive(Setup(port=port, recordings=tmp_path, activate=True), report=said.append):
         assert len(said) == 1  # the activation reports it
+
+
+def test_a_run_begins_in_the_world_of_its_file(
+    robot: Robot, shared_clock: SimulatedClock, shared_pool: Pool, tmp_path: Path
+) -> None:
+    file = tmp_path / "world.yaml"
+    file.write_text("- name: post\n  box: {size: [0.03, 0.03, 0.2]}\n  position: [1, 0, 0.1]\n")
+    setup = Setup(robot=robot, recordings=tmp_path, single_user=True, world=file)
+    link = BoardLink(virtual_board(robot), shared_clock)
+    with (
+        shared_clock.working(),
+        open_executive(setup, clock=shared_clock, link=link, pool=shared_pool) as executive,
+    ):
+        executive.start()
+        outcome = TaskRunner(executive).run(1)
+    assert outcome.success
+    (plan, *_) = logs.Recording(Path(outcome.recording)).records(logs.Plan)
+    assert isinstance(plan, logs.Plan)
+    assert [body["name"] for body in plan.world] == ["post"]
+
+
+def test_a_world_file_that_is_wrong_ends_the_start(tmp_path: Path) -> None:
+    file = tmp_path / "world.yaml"
+    setup = Setup(port="virtual", recordings=tmp_path, world=file)
+    with pytest.raises(BadWorldFile, match="cannot be read"), open_executive(setup):
+        pass
 
 
 def test_a_server_uses_the_default_folder_as_soon_as_it_exists(

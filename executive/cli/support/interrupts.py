@@ -19,7 +19,7 @@ T = TypeVar("T")
 
 _SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 STOP = signal.SIGUSR1  # sent by `armtree stop`; cancels the run, and never ends the process
-CANCELING = "Canceling: the arm stops. Another Ctrl-C ends this command at once."
+CANCELING = "Canceling: the arm stops. Ctrl-C ends this command at once."
 _END = 0  # not the number of a signal
 # Smallest time from the first signal to the second one [s]. GNU `timeout` and some shells send two
 # signals at once; a person does not.

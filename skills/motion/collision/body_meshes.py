@@ -2,6 +2,7 @@
 
 from dataclasses import dataclass
 from itertools import islice
+from pathlib import Path
 from weakref import WeakValueDictionary
 
 import coal
@@ -60,14 +61,19 @@ class BodyMeshes:
 
 
 def _read(mesh: Mesh, stamp: Stamp | None) -> BodyMesh:
-    path = mesh.path
+    path, file = mesh.path, Path(mesh.path)
+    if not file.is_file():
+        what = "it is not an ordinary file" if file.exists() else f"there is no {file.absolute()}"
+        raise BadWorld(f"The mesh {path} cannot be read: {what}")
     if stamp and stamp[1] > MAX_MESH_BYTES:
         raise BadWorld(f"The mesh {path} has {stamp[1]} bytes; {MAX_MESH_BYTES} are allowed")
     try:
         shape = coal.MeshLoader().load(path, np.array(mesh.scale))
     except (RuntimeError, ValueError) as error:
         why = str(error).partition("message: ")[2].splitlines() or [str(error)]
-        raise BadWorld(f"The mesh {path} cannot be read: {why[0]}") from error
+        raise BadWorld(
+            f"The mesh {path} cannot be read: {why[0]}; give an STL, DAE or OBJ file"
+        ) from error
     try:
         hull = convex_hull([pin.GeometryObject(path, 0, 0, pin.SE3.Identity(), shape)])
     except ValueError as error:

@@ -4,7 +4,8 @@ It corresponds to MoveIt's PlanningScene: robot model, world, and pairs of shape
 """
 
 import dataclasses
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -113,8 +114,9 @@ class PlanningScene:
         meshes = meshes or BodyMeshes()
         self._loaded = list[BodyMesh]()  # later scenes share these as long as this one exists
         hollow = dict[int, pin.GeometryObject]()
-        for body in world.bodies:
-            exact, hull, mesh = self._body_shapes(body, meshes)
+        for number, body in enumerate(world.bodies):
+            with _located(number):
+                exact, hull, mesh = self._body_shapes(body, meshes)
             if mesh:
                 self._loaded.append(mesh)
                 if mesh.hollow:
@@ -216,7 +218,7 @@ class PlanningScene:
         try:
             frame = self.robot_model.frame_index(body.link)
         except BadWorld as error:
-            raise BadWorld(f"{body.name} is attached to {body.link}: {error}") from error
+            raise BadWorld(f"{body.name} is attached to {body.link}: {error}", "link") from error
         parent = self.kinematics.frames[frame]
         joint, pose = parent.parentJoint, parent.placement * placement(body)
 
@@ -224,7 +226,8 @@ class PlanningScene:
             return pin.GeometryObject(body.name, joint, frame, pose, shape)
 
         if isinstance(body.shape, Mesh):
-            mesh = meshes.load(body.shape)
+            with _located("mesh"):
+                mesh = meshes.load(body.shape)
             return placed(mesh.shape), placed(mesh.hull), mesh
         primitive = _primitive(body.shape)
         primitive.computeLocalAABB()  # coal needs the box of each shape for its first guess
@@ -254,12 +257,14 @@ class PlanningScene:
     def _check_names(self) -> None:
         links = self.robot_model.links.keys() | {FLOOR}
         taken, there = self.robot_model.names | links, links | self._bodies.keys()
-        for name, body in self._bodies.items():
+        for number, (name, body) in enumerate(self._bodies.items()):
             if name in taken:
-                raise BadWorld(f"The robot already has a {name}; rename the body")
+                why = f"The robot already has a {name}; rename the body"
+                raise BadWorld(why, number, "name")
             for other in sorted(body.touches - there):
                 what = f"{name} may touch {other}, but there is no such link or body"
-                raise BadWorld(f"{what}; choose from {', '.join(sorted(there - {name}))}")
+                why = f"{what}; choose from {', '.join(sorted(there - {name}))}"
+                raise BadWorld(why, number, "touches")
 
     def _add_pairs(self, geometry: pin.GeometryModel, checked: Mask, most: int) -> NDArray[np.intp]:
         """Set the pairs of shapes to check. Return the indices of their two shapes (P, 2).
@@ -305,6 +310,16 @@ class PlanningScene:
         first, second = allowed.T
         checked[first, second] = checked[second, first] = False
         return checked
+
+
+@contextmanager
+def _located(step: int | str) -> Iterator[None]:
+    """Put a step before the location of an error."""
+    try:
+        yield
+    except BadWorld as error:
+        error.location = (step, *error.location)
+        raise
 
 
 def geometry_of(shapes: Sequence[pin.GeometryObject]) -> pin.GeometryModel:

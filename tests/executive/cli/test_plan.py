@@ -87,6 +87,23 @@ def test_round_a_body(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
+def test_of_many_bodies_some_are_named(tmp_path: Path) -> None:
+    far = [POST[0] | {"name": f"b{i}", "position": [2, 0, 0]} for i in range(25)]
+    (tmp_path / "world.json").write_text(json.dumps(far))
+    result = plan(tmp_path, *PICK, "--world", str(tmp_path / "world.json"))
+    assert "Bodies    b0, b1, b2, " in result.output
+    assert ", b19 and 5 more\n" in result.output
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_a_timeout_can_be_given(tmp_path: Path) -> None:
+    result = plan(tmp_path, "1", "--planning-timeout", "0.05")
+    assert result.exit_code == 2
+    result = plan(tmp_path, "1", "--planning-timeout", "0.1")
+    assert result.exit_code == 0, result.exception
+
+
+@pytest.mark.usefixtures("undrawn")
 def test_a_point_and_a_start(tmp_path: Path) -> None:
     result = plan(tmp_path, "0.1", "0.05", "0.08", "--start", "joint_4=-0.7")
     assert result.exit_code == 0, result.exception

@@ -164,12 +164,22 @@ def test_a_file_that_is_not_there_is_one_that_is_wrong(tmp_path: Path) -> None:
         ),
         ({"touches": ["flor"]}, "post may touch flor, but there is no such link or body"),
         ({"name": "base_link"}, "The robot already has a base_link"),
+        ({"name": "ball"}, "Two bodies have the name ball; rename one"),
+        ({"mesh": {"path": "none.stl"}}, "The mesh none.stl cannot be read: there is no /"),
+        ({"mesh": {"path": "."}}, "The mesh . cannot be read: it is not an ordinary file"),
+        ({"mesh": {"path": __file__}}, f"The mesh {__file__} cannot be read: "),
     ],
 )
 def test_bodies_that_do_not_fit_the_robot(tmp_path: Path, more: dict[str, Any], why: str) -> None:
     file = tmp_path / "world.json"
-    file.write_text(json.dumps([json.loads(POST) | more]))
+    ball = {"name": "ball", "sphere": {"radius": 0.01}, "position": [1, 0, 0]}
+    post = json.loads(POST) | more
+    if "mesh" in more:
+        del post["box"]
+    lines = (f'"{key}": {json.dumps(value)}' for key, value in post.items())
+    file.write_text(f"[{json.dumps(ball)}, {{\n" + ",\n".join(lines) + "\n}]")
+    line = 2 + list(post).index(next(iter(more)))
     for goal in ("right", "1"):
         result = plan(goal, "--world", str(file))
         assert isinstance(result.exception, BadWorldFile)
-        assert str(result.exception).startswith(f"{file}: {why}")
+        assert str(result.exception).startswith(f"{file}:{line}:1: {why}")
