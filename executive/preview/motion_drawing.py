@@ -36,13 +36,15 @@ def motion_drawing(robot: Robot, world: World, configurations: ArrayLike) -> Mot
     """
     scene = PlanningScene(robot, world)
     links = {body.name: body.link for body in world.bodies}
-    poses, bodies, held = [], [], []
+    poses, bodies, hollow, held = [], [], [], []
     for outlines in convex_outlines(scene, np.asarray(configurations, dtype=np.float64)):
         shapes = [(name, points.tolist()) for name, points in outlines]
         poses.append([points for name, points in shapes if name not in links])
         held.append([points for name, points in shapes if links.get(name)])
-        bodies = [points for name, points in shapes if links.get(name) == ""]
-    return MotionDrawing(poses, bodies, held)
+        around = [(name, points) for name, points in shapes if links.get(name) == ""]
+        bodies = [points for name, points in around if name not in scene.hollow]
+        hollow = [points for name, points in around if name in scene.hollow]
+    return MotionDrawing(poses, bodies, held, hollow)
 
 
 @dataclass

@@ -26,17 +26,19 @@ class MotionDrawing:
         poses: For each pose of the motion, the corners of each shape of the arm [m].
         bodies: Corners of each body that does not move [m].
         held: For each pose, the corners of each body that the arm carries [m].
+        hollow: Corners of each body that does not move and may contain the arm, such as a room [m].
     """
 
     poses: Sequence[Sequence[Shape]]
     bodies: Sequence[Shape]
     held: Sequence[Sequence[Shape]] = field(default=())
+    hollow: Sequence[Shape] = field(default=())
 
 
 def draw_motion(sides: Sequence[Axes], motion: MotionDrawing) -> None:
     """Draw all poses of a motion: the first pose grey, the last pose blue, the others pale blue.
 
-    Bodies are orange.
+    Bodies are orange; of a hollow one, only the outline is drawn.
 
     Args:
         sides: Axes for the view from the front, and for the view from above.
@@ -54,6 +56,7 @@ def _side(axes: Axes, motion: MotionDrawing, across: int, up: int) -> None:
     axes.set_ylabel(f"{'xyz'[up]} [m]", fontsize=7)
     axes.set_title("motion from the front" if up == 2 else "motion from above", fontsize=7)
     for shapes, color, alpha in (
+        (motion.hollow, _BODY, 0.0),
         (motion.bodies, _BODY, 0.5),
         (list(chain(*motion.poses[1:-1])), _ARM, 0.06),
         (list(chain(*motion.poses[:1])), _START, 0.3),
@@ -65,12 +68,17 @@ def _side(axes: Axes, motion: MotionDrawing, across: int, up: int) -> None:
             continue
         hulls = [_hull([(point[across], point[up]) for point in shape]) for shape in shapes]
         axes.add_collection(
-            PolyCollection(hulls, facecolors=color, edgecolors=color, alpha=alpha, lw=0.3)
+            PolyCollection(
+                hulls,
+                facecolors=(color, alpha),
+                edgecolors=(color, alpha or 1.0),
+                lw=0.3 if alpha else 1.0,
+            )
         )
     handles = [Patch(color=_START, alpha=0.5, label="start")]
     if len(motion.poses) > 1:
         handles.append(Patch(color=_ARM, label="end"))
-    if motion.bodies or any(motion.held):
+    if motion.bodies or motion.hollow or any(motion.held):
         handles.append(Patch(color=_BODY, alpha=0.5, label="bodies"))
     drawn = axes.dataLim
     axes.update_datalim([(drawn.x0, drawn.y1 + _KEY * drawn.height)])

@@ -101,7 +101,7 @@ def _path(axes: Axes, plan: PlanDrawing) -> None:
     ):
         axes.plot(columns[0], column, color=line, linewidth=1, label=name)
         axes.plot(corners[0], corner, "o:", color=line, linewidth=0.5, markersize=2)
-    axes.set_title("path in joint space, dots: waypoints", fontsize=7)
+    axes.set_title("path in joint space; dots and thin lines: waypoints", fontsize=7)
 
 
 def _unit(plan: PlanDrawing, per: str = "") -> str:

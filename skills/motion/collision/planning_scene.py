@@ -85,6 +85,7 @@ class PlanningScene:
         exact_links: Link or body of each shape of `exact`, or `floor`.
         hull_links: Link or body of each hull, or `floor`.
         volumes: Volume inside each mesh of `exact`, by the mesh's index.
+        hollow: Names of the bodies with a hollow mesh.
         lever_arms: Bounds on the travel of each pair of `hulls` per unit of each actuated joint
             (P, A) [m/rad]; see `motion_bounds`.
 
@@ -126,6 +127,7 @@ class PlanningScene:
             volumes.append(mesh.volume if mesh else None)
             arms.append(model.lever_arms_of(hull))
         self.volumes = {i: volume for i, volume in enumerate(volumes) if volume}
+        self.hollow = frozenset(self.hull_links[hull] for hull in hollow)
         if robot.collision.floor is not None:
             half = coal.Halfspace(np.array([0.0, 0.0, 1.0]), robot.collision.floor)
             half.computeLocalAABB()

@@ -109,7 +109,12 @@ def names(tmp_path_factory: pytest.TempPathFactory) -> Iterator[list[str]]:
     os.chdir(before)
 
 
-def test_any_arguments_end_with_a_status_and_words(names: list[str]) -> None:
+def test_any_arguments_end_with_a_status_and_words(
+    names: list[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # As root, `service remove --yes` would change the services of this computer.
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+
     @seed(int(os.environ.get("ARMTREE_FUZZ_SEED", "0")))
     @settings(
         max_examples=EXAMPLES,

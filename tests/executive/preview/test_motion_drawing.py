@@ -11,11 +11,14 @@ from PIL import Image
 
 import logs
 from executive.cli.main import cli
-from executive.preview.motion_drawing import POSES, scenes_of
+from executive.preview.motion_drawing import POSES, motion_drawing, scenes_of
+from hardware import Robot
 from logs.views.motion_figure import MotionDrawing
 from logs.views.run_figure import MotionScene
+from skills.motion import Body, Box, World
 from tests.conftest import RigMaker
 from tests.logs.test_run import RUNS, record
+from tests.support.arms.cube_mesh import cube
 from tests.support.paths import DATA
 
 BEAM = DATA / "beam.stl"
@@ -46,6 +49,14 @@ tree:
     - subtree: reach
       with: {arm: right, gripper: closed}
 """
+
+
+def test_a_room_is_an_outline_around_the_arm(robot: Robot, tmp_path: Path) -> None:
+    walls = Body("room", cube(tmp_path, (1.0, -0.99)))
+    post = Body("post", Box((0.03, 0.03, 0.2)), (0.115, 0.115, 0.1))
+    drawing = motion_drawing(robot, World((walls, post)), [robot.boot_pose])
+    assert (len(drawing.bodies), len(drawing.hollow)) == (1, 1)
+    assert np.abs(drawing.hollow[0]).max() == pytest.approx(1.0)
 
 
 def recorded(rig: RigMaker, folder: Path, text: str) -> Path:

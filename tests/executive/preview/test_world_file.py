@@ -41,7 +41,7 @@ def test_the_example_of_the_page(tmp_path: Path) -> None:
 def test_the_keys_of_the_page() -> None:
     """The page lists every key of a body and its shape, and no other."""
     (table,) = re.findall(
-        r"\| key \| holds \|\n\|---\|---\|\n(.*?)\n\n", PAGE.read_text(), re.DOTALL
+        r"\| key \| holds \| default \|\n[|-]+\n(.*?)\n\n", PAGE.read_text(), re.DOTALL
     )
     keys = {part.name for part in fields(Body)} - {"shape"}
     kinds = {str(kind.__name__).lower(): kind for kind in get_args(Shape)}

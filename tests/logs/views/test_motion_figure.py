@@ -35,6 +35,18 @@ def test_the_key_hides_nothing_that_is_drawn(
     assert not caplog.records
 
 
+def test_a_hollow_body_hides_nothing() -> None:
+    figure = Figure()
+    FigureCanvasAgg(figure)
+    sides = figure.subplots(1, 2)
+    draw_motion(sides, MotionDrawing([[SQUARE]], [], [], [HIGH]))
+    for axes in sides:
+        assert [text.get_text() for text in axes.get_legend().get_texts()][-1] == "bodies"
+        ((*_, alpha),) = np.array(axes.collections[0].get_facecolor())
+        ((*_, edge),) = np.array(axes.collections[0].get_edgecolor())
+        assert (alpha, edge) == (0.0, 1.0)
+
+
 def test_a_held_body_is_drawn_like_other_bodies() -> None:
     figure = Figure()
     FigureCanvasAgg(figure)

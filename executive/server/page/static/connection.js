@@ -126,6 +126,7 @@ export class Connection extends EventTarget {
 
   async #read() {
     const stream = (this.#stream = new AbortController());
+    if (document.hidden) return; // since this tab asked for a slot
     const timer = setTimeout(() => stream.abort(), TIMEOUT);
     try {
       const response = await request("api/events", { signal: stream.signal });

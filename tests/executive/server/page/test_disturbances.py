@@ -25,6 +25,16 @@ HIDE = """(hidden) => {
 }"""
 
 
+# The browser answers a request for a lock later. The tab is hidden meanwhile, once.
+HIDE_AT_FIRST_LOCK = f"""(() => {{
+  const request = navigator.locks.request.bind(navigator.locks);
+  navigator.locks.request = (name, options, act) => {{
+    navigator.locks.request = request;
+    return request(name, options, (lock) => {{ ({HIDE})(true); return act(lock); }});
+  }};
+}})()"""
+
+
 def test_two_pages_show_and_do_the_same(open_page: Open, page_server: Served) -> None:
     one, two = open_page(), open_page(viewport={"width": 390, "height": 844})
     ask = "#tasks li:has(.name:text-is('14 ask'))"
@@ -83,6 +93,25 @@ def test_a_slow_and_a_hidden_tab_catch_up_and_stop(open_page: Open, page_server:
     shows(tab, "#stop-note", "^stopped at")
     shows(tab, "#goal-state", "^canceled$")
     expect(tab, "#runs [data-state] >> nth=0").to_have_text("canceled")
+
+
+def test_a_tab_that_is_hidden_before_its_stream_begins_has_none(
+    open_page: Open, page_server: Served
+) -> None:
+    asked = list[str]()
+
+    def prepare(tab: Tab) -> None:
+        tab.add_init_script(HIDE_AT_FIRST_LOCK)
+        tab.on("request", lambda request: asked.append(request.url))
+
+    tab = open_page(prepare=prepare)
+    while not tab.evaluate("document.hidden"):
+        tab.wait_for_timeout(20)
+    tab.evaluate(HIDE, True)  # what it asked for before is known then
+    assert not any(url.endswith("/api/events") for url in asked)
+    tab.evaluate(HIDE, False)
+    page_server.executive.send(10)
+    shows(tab, "#running", "^wait$")
 
 
 def test_what_failed_to_load_is_loaded_later(open_page: Open, page_server: Served) -> None:
