@@ -69,6 +69,12 @@ class Arm:
     ) -> None:
         _check("port", port, isinstance(port, str) and port, f"a serial port, or {VIRTUAL}")
         _check("seed", seed, type(seed) is int and seed > 0, "a whole number from 1")
+        _check(
+            "planning_timeout",
+            planning_timeout,
+            isinstance(planning_timeout, int | float) and 0.1 <= planning_timeout <= 3600,
+            "a number from 0.1 to 3600",
+        )
         _check("pose", pose, pose in (None, "boot", "last"), "boot, last or None")
         if skills is not None:
             load_own_skills(Path(skills))

@@ -11,7 +11,7 @@ from hardware import Arm, RealClock, Robot
 from hardware.description.neighbours import shape_warnings
 from hardware.spelling import closest, did_you_mean, suggested
 from skills import BadTarget, Context, Positions, Skill, SkillError, WorldChange, joint_errors
-from skills.motion import Pool
+from skills.motion import EMPTY, Pool, World
 
 from .analysis.collisions import CollisionChecks
 from .analysis.unreachable_nodes import check_outcomes
@@ -56,18 +56,21 @@ class Findings:
     shipped: int = 0
 
 
-def check(robot: Robot, folder: Path | None, files: Sequence[Path] = ()) -> Findings:
+def check(
+    robot: Robot, folder: Path | None, files: Sequence[Path] = (), world: World = EMPTY
+) -> Findings:
     """Check task files, subtrees and poses.
 
     Args:
         robot: The robot.
         folder: Folder of the user's files; None for only the shipped ones.
         files: Files to check, and folders of files to check; empty for all files.
+        world: Bodies around the arm before each task.
     """
     files = [path for file in files for path in _files(file, robot.name)]
     context = _context(robot)
     findings = Findings()
-    collisions = CollisionChecks(robot, context.pool)
+    collisions = CollisionChecks(robot, context.pool, world)
     try:
         jobs = list(_jobs(robot.name, folder, files))
     except TreeError as error:

@@ -12,7 +12,7 @@ import click
 from hardware import DISPLAY_UNITS, write_file
 from hardware.printable import escaped, plural
 
-from .settings import PATH, Whole, given_options
+from .settings import PATH, Whole, given_options, option
 from .support.command_group import command
 from .support.failures import plain_mistake, print_incomplete
 from .support.names import TASK_OR_RECORDING, load_library
@@ -139,11 +139,13 @@ def _outcome(time: str, path: Path, robot: "Robot", name: str) -> str:
 @trees_option
 @skills_option
 @robot_option
+@option("world")
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def check(
     files: Sequence[Path],
     trees: Path | None,
     robot: Path | None,
+    world: Path | None,
     as_json: bool,
 ) -> None:
     """Check task files and report every mistake with its line. Nothing moves.
@@ -157,11 +159,16 @@ def check(
         raise click.UsageError(
             "give --trees or FILE, not both: a FILE is checked with the other files of its folder"
         )
+    from executive.preview.world_file import check_world
+    from executive.setup import load_world
     from hardware import load_robot
     from trees import FileError
     from trees.check import check as find_mistakes
 
-    findings = find_mistakes(load_robot(robot), trees, files)
+    loaded, bodies = load_robot(robot), load_world(world)
+    if world:
+        check_world(world, bodies, loaded)
+    findings = find_mistakes(loaded, trees, files, bodies)
     for note in findings.notes:
         echo(f"note: {note}", err=True)
     mistakes, count = findings.mistakes, len(findings.mistakes)

@@ -2,13 +2,14 @@
 
 from collections.abc import Sequence
 from contextlib import suppress
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from executive.api import strict_json
 from executive.errors import BadWorldFile
 from hardware import Robot, read_file
-from skills.motion import BadWorld, World
+from skills.motion import BadWorld, Body, Mesh, World
 from trees import FileError, Located, Mistake, Place
 from trees.reading.document import draft_document, nested, split_lines
 
@@ -17,6 +18,8 @@ _MAX_BYTES = 2**20
 
 def read_world(file: Path) -> World:
     """Return the bodies of a file. docs/pages/how_to/plan.md describes its format.
+
+    A relative path of a mesh is in the folder of the file.
 
     Raises:
         BadWorldFile: The file cannot be read, or does not contain a list of bodies.
@@ -28,7 +31,9 @@ def read_world(file: Path) -> World:
     except ValueError as error:  # an error of the path
         raise BadWorldFile.at(file, str(error)) from error
     try:
-        return World.parse(_plain(file, data))
+        return World(
+            tuple(_in_folder(each, file) for each in World.parse(_plain(file, data)).bodies)
+        )
     except BadWorld as error:
         raise BadWorldFile(_mistakes(file, data, error.all)) from error
 
@@ -75,6 +80,18 @@ def _mistake(root: Located, error: BadWorld) -> Mistake:
     return Mistake(value.label, str(error), right)
 
 
+def in_file(file: Path, error: BadWorld) -> BadWorldFile:
+    """Return an error about a body of a file, with its line."""
+    return BadWorldFile(_mistakes(file, read_file(file, _MAX_BYTES), error.all))
+
+
+def _in_folder(body: Body, file: Path) -> Body:
+    shape = body.shape
+    if not isinstance(shape, Mesh):
+        return body
+    return replace(body, shape=replace(shape, path=str(file.parent / shape.path)))
+
+
 def check_world(file: Path, world: World, robot: Robot) -> None:
     """Check that the bodies of a file fit the robot.
 
@@ -86,4 +103,4 @@ def check_world(file: Path, world: World, robot: Robot) -> None:
     try:
         PlanningScene(robot, world)
     except BadWorld as error:
-        raise BadWorldFile(_mistakes(file, read_file(file, _MAX_BYTES), error.all)) from error
+        raise in_file(file, error) from error

@@ -28,7 +28,7 @@ import numpy as np
 from hardware import DISPLAY_UNITS, MAX_DURATION, Clock, RealClock, Robot
 
 from .arrays import Array, joint_positions, norms
-from .collision.body_meshes import BodyMesh, BodyMeshes
+from .collision.body_meshes import BodyMeshes
 from .collision.checker import CollisionChecker
 from .collision.endpoint_checker import EndpointChecker
 from .collision.planning_scene import PlanningScene
@@ -71,6 +71,8 @@ class Planner:
 
     Attributes:
         checker: Checks configurations in the empty world.
+        meshes_read: Called when the meshes of a request's world are read, if it has any. The
+            timeout of the request begins then.
 
     Raises:
         ModelUnusable: The robot's URDF or numbers are unusable.
@@ -84,6 +86,7 @@ class Planner:
         self._contacts: StartContacts | None = None  # contacts of the last motion
         self._checkers = dict[tuple[World, Pairs], CollisionChecker]()
         self.checker = self._checker(EMPTY)
+        self.meshes_read: Callable[[], None] = _do_nothing
 
     def prepare(self, world: World) -> None:
         """Load a world, so that the first query in this world is as fast as later queries.
@@ -92,14 +95,6 @@ class Planner:
             BadWorld: The world is invalid.
         """
         self._checker(world).prepare()
-
-    def read_meshes(self, world: World) -> list[BodyMesh]:
-        """Read the meshes of a world. They stay in memory as long as this list or a scene does.
-
-        Raises:
-            BadWorld: A mesh cannot be used.
-        """
-        return [self._meshes.load(mesh) for mesh in world.meshes]
 
     def answer(self, request: Request) -> Answer:
         """Return the answer to a request: a Plan, a Reached or a Body; None for a Verify.
@@ -224,14 +219,11 @@ class Planner:
         return self._checker(EMPTY).scene.attached(body, request.link, positions)
 
     def _begin(self, request: Query | Verify | ToolQuery) -> tuple[Deadline, CollisionChecker]:
-        """Return the deadline of a request, and the checker of its world.
-
-        The deadline begins when all meshes are read.
-        """
-        meshes = self.read_meshes(request.world)
-        deadline, checker = Deadline(self._clock, request.timeout), self._checker(request.world)
-        del meshes  # the scene has them
-        return deadline, checker
+        """Return the deadline of a request, and the checker of its world."""
+        meshes = self._meshes.load_all(request.world)  # kept until the scene has them
+        if meshes:
+            self.meshes_read()
+        return Deadline(self._clock, request.timeout), self._checker(request.world)
 
     def _group(self, name: str) -> JointGroup:
         if name not in self._groups:
@@ -262,6 +254,9 @@ class Planner:
             del self._checkers[next(other for other in self._checkers if other != (EMPTY, _NONE))]
         self._checkers[key] = checker
         return checker
+
+
+def _do_nothing() -> None: ...
 
 
 def _without(robot: Robot, pairs: Pairs) -> Robot:

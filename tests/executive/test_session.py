@@ -74,6 +74,12 @@ def test_a_world_file_that_is_wrong_ends_the_start(tmp_path: Path) -> None:
     setup = Setup(port="virtual", recordings=tmp_path, world=file)
     with pytest.raises(BadWorldFile, match="cannot be read"), open_executive(setup):
         pass
+    file.write_text("- name: beam\n  mesh: {path: none.stl}\n")
+    with (
+        pytest.raises(BadWorldFile, match=rf"world.yaml:2:3: The mesh {tmp_path}/none.stl"),
+        open_executive(setup),
+    ):
+        pass
 
 
 def test_a_server_uses_the_default_folder_as_soon_as_it_exists(

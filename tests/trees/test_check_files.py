@@ -6,6 +6,7 @@ from pathlib import Path
 import pytest
 
 from hardware import Robot
+from skills.motion import Body, Box, PlanTimeout, Pool, Request, Result, Sphere, Verify, World
 from tests.trees.test_check import HEAD, found, tree
 from trees import Library
 from trees.check import check
@@ -358,6 +359,34 @@ def test_a_body_that_another_task_adds_may_be_used(robot: Robot, tmp_path: Path,
         f"task: 40\nname: other\ndescription: z\ntree: {added}\n"
     )
     assert not check(robot, tmp_path).mistakes
+
+
+def test_a_body_of_the_world_may_be_used_and_hit(robot: Robot, tmp_path: Path) -> None:
+    text = "{sequence: [{Attach: {body: cup, link: claw_support}}, {subtree: move_joints, with: "
+    text += "{joints: {joint_1: 20 deg}}}]}"
+    (tmp_path / "40_x.yaml").write_text(f"task: 40\nname: x\ndescription: z\ntree: {text}\n")
+    cup = Body("cup", Sphere(0.01), (0.0, 0.0, 1.0))
+    assert "adds the body cup" in str(check(robot, tmp_path).mistakes[0])
+    assert not check(robot, tmp_path, world=World((cup,))).mistakes
+    wall = Body("wall", Box((0.5, 0.5, 0.5)), (0.0, 0.0, 0.3))
+    hit = check(robot, tmp_path, world=World((cup, wall))).mistakes
+    assert "deep in wall" in str(hit[0])
+
+
+def test_what_is_not_checked_in_time_is_noted(
+    robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    ask = Pool.ask
+
+    def late(pool: Pool, request: Request) -> Result:
+        checks = isinstance(request, Verify) and request.timeout > 0
+        return PlanTimeout(5.0) if checks else ask(pool, request)
+
+    monkeypatch.setattr(Pool, "ask", late)
+    (tmp_path / "poses.yaml").write_text("poses:\n  up: {joint_1: 20 deg}\n")
+    findings = check(robot, tmp_path)
+    assert not findings.mistakes
+    assert "not checked for collisions within 5 s" in str(findings.notes[0])
 
 
 def test_a_task_for_another_robot_is_noted_and_leaves_the_others_alone(

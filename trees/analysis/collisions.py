@@ -1,6 +1,6 @@
 """Collision checks before a run: finds unusable bodies and configurations in collision."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import closing
 from dataclasses import dataclass, field, replace
 
@@ -12,6 +12,7 @@ from skills.motion import (
     Body,
     MotionCollides,
     MotionError,
+    PlanTimeout,
     Pool,
     Reached,
     ToolQuery,
@@ -37,6 +38,7 @@ class CollisionChecks:
     Args:
         robot: The robot.
         pool: Planner processes. `mistakes` starts and closes them.
+        world: Bodies around the arm before each task.
 
     Attributes:
         poses: Places and configurations [rad] to check in an empty world.
@@ -51,6 +53,7 @@ class CollisionChecks:
 
     robot: Robot
     pool: Pool
+    world: World = EMPTY
     poses: list[tuple[Place, Pose]] = field(default_factory=list)
     trees: list[CompiledTree] = field(default_factory=list)
     tasks: list[CompiledTree] = field(default_factory=list)
@@ -73,12 +76,14 @@ class CollisionChecks:
             first_worlds = self._first_worlds()
             yield from self._found
             for (pose, world), uses in configurations.items():
-                first, _ = uses[0]
-                if broken.isdisjoint(world.bodies) and (hit := self._collision(pose, world, first)):
+                places = [place for place, _ in uses]
+                if not broken.isdisjoint(world.bodies):
+                    continue
+                if hit := self._collision(pose, world, places):
                     yield from (Mistake(place, f"{message}: {hit}") for place, message in uses)
             for world, place in first_worlds.items():
                 new = (boot, world) not in configurations and broken.isdisjoint(world.bodies)
-                if new and (hit := self._collision(boot, world, place)):
+                if new and (hit := self._collision(boot, world, [place])):
                     named = self.robot.firmware.words.start_pose
                     why = f"in its {named}, before this motion, the arm is in collision"
                     self.notes.append(Mistake(place, f"{why}: {hit}"))
@@ -90,17 +95,20 @@ class CollisionChecks:
         answer = self.pool.ask(Verify([self.robot.boot_pose], 0.0, world=alone))
         return answer if isinstance(answer, (BadWorld, WorkerDied)) else None
 
-    def _collision(self, pose: Pose, world: World, place: Place) -> str:
+    def _collision(self, pose: Pose, world: World, places: Sequence[Place]) -> str:
         """Return a message about a collision in a configuration, or an empty text.
 
-        If the configuration cannot be checked, for example in time, add a note with the place.
+        If the configuration cannot be checked, for example in time, add a note for each place.
         """
         answer = self.pool.ask(Verify([pose], self.robot.collision.margin, world=world))
         # A subtree may name bodies that only its users add.
         if not isinstance(answer, MotionError) or isinstance(answer, BadWorld):
             return ""
         if not isinstance(answer, MotionCollides):
-            self.notes.append(Mistake(place, f"not checked for collisions: {answer}"))
+            why = f": {answer}"
+            if isinstance(answer, PlanTimeout):
+                why = f" within {answer.timeout:g} s"
+            self.notes += (Mistake(place, f"not checked for collisions{why}") for place in places)
             return ""
         advice = advice_for_contact(self.robot, answer.first, answer.second)
         return f"{answer.contact}; {advice}" if advice else answer.contact
@@ -123,7 +131,9 @@ class CollisionChecks:
         for tree in self.trees:
             task = any(tree is each for each in self.tasks)
             reach = self._unreachable if task else None
-            predicted = predict_motions(tree, self.robot, self.pool.carry, reach=reach)
+            predicted = predict_motions(
+                tree, self.robot, self.pool.carry, world=self.world, reach=reach
+            )
             if task:
                 self.absent |= predicted.absent
                 self._found += dict.fromkeys(predicted.mistakes)
@@ -153,6 +163,7 @@ class CollisionChecks:
                 self.robot,
                 self.pool.carry,
                 boot,
+                self.world,
                 hooks=hooks,
                 reach=self.pool.reach,
                 duration=times.duration,

@@ -1,5 +1,7 @@
 """Meshes of the world's bodies, each read from its file once for all scenes that contain it."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -13,7 +15,7 @@ from hardware.description.meshes import MAX_MESH_BYTES
 from skills.motion.arrays import Array
 from skills.motion.errors import BadWorld
 from skills.motion.robot_model.geometry import EnclosedVolume, convex_hull
-from skills.motion.world import Mesh, Stamp, mesh_stamp
+from skills.motion.world import Mesh, Stamp, World, mesh_stamp
 
 _HOLLOW = 0.03  # radius of a ball that fits into a hollow mesh; about that of a small link [m]
 _PLACES = 256  # places of the ball that are tried
@@ -47,6 +49,19 @@ class BodyMeshes:
     def __init__(self) -> None:
         self._loaded = WeakValueDictionary[tuple[Mesh, Stamp | None], BodyMesh]()
 
+    def load_all(self, world: World) -> list[BodyMesh]:
+        """Return the meshes of a world. They stay in memory as long as the list or a scene does.
+
+        Raises:
+            BadWorld: `load` failed.
+        """
+        found = list[BodyMesh]()
+        for number, body in enumerate(world.bodies):
+            if isinstance(body.shape, Mesh):
+                with located(number, "mesh"):
+                    found.append(self.load(body.shape))
+        return found
+
     def load(self, mesh: Mesh) -> BodyMesh:
         """Return a mesh as its file is now.
 
@@ -58,6 +73,16 @@ class BodyMeshes:
         if loaded is None:
             self._loaded[key] = loaded = _read(*key)
         return loaded
+
+
+@contextmanager
+def located(*steps: int | str) -> Iterator[None]:
+    """Put steps before the location of an error."""
+    try:
+        yield
+    except BadWorld as error:
+        error.location = (*steps, *error.location)
+        raise
 
 
 def _read(mesh: Mesh, stamp: Stamp | None) -> BodyMesh:

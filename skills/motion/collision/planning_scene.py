@@ -4,8 +4,7 @@ It corresponds to MoveIt's PlanningScene: robot model, world, and pairs of shape
 """
 
 import dataclasses
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Sequence
 from functools import cached_property, lru_cache
 from typing import NamedTuple
 
@@ -21,7 +20,7 @@ from skills.motion.robot_model.motion_bounds import travel_bounds
 from skills.motion.robot_model.robot_model import FLOOR, RobotModel
 from skills.motion.world import EMPTY, Body, Box, Cylinder, Mesh, Sphere, World, mesh_stamps
 
-from .body_meshes import BodyMesh, BodyMeshes
+from .body_meshes import BodyMesh, BodyMeshes, located
 
 # Largest numbers of pairs of hulls and of exact shapes. At both limits, a planner needs 1 GB.
 MAX_HULL_PAIRS, MAX_EXACT_PAIRS = 10_000, 40_000
@@ -116,7 +115,7 @@ class PlanningScene:
         self._loaded = list[BodyMesh]()  # later scenes share these as long as this one exists
         hollow = dict[int, pin.GeometryObject]()
         for number, body in enumerate(world.bodies):
-            with _located(number):
+            with located(number):
                 exact, hull, mesh = self._body_shapes(body, meshes)
             if mesh:
                 self._loaded.append(mesh)
@@ -228,7 +227,7 @@ class PlanningScene:
             return pin.GeometryObject(body.name, joint, frame, pose, shape)
 
         if isinstance(body.shape, Mesh):
-            with _located("mesh"):
+            with located("mesh"):
                 mesh = meshes.load(body.shape)
             return placed(mesh.shape), placed(mesh.hull), mesh
         primitive = _primitive(body.shape)
@@ -312,16 +311,6 @@ class PlanningScene:
         first, second = allowed.T
         checked[first, second] = checked[second, first] = False
         return checked
-
-
-@contextmanager
-def _located(step: int | str) -> Iterator[None]:
-    """Put a step before the location of an error."""
-    try:
-        yield
-    except BadWorld as error:
-        error.location = (step, *error.location)
-        raise
 
 
 def geometry_of(shapes: Sequence[pin.GeometryObject]) -> pin.GeometryModel:

@@ -45,10 +45,12 @@ class StartContacts:
     def clearance(self, configuration: Array) -> float:
         """Return the sum of distance - margin of the contacts that are closer than the margin [m].
 
-        It is 0 if all contacts keep the margin in the configuration (A,) [rad], else negative.
+        It is 0 if all contacts keep the margin in the configuration (A,) [rad], else negative. It
+        is rounded to 1 um, because coal's distances depend on earlier checks, by some 1e-8 m. Equal
+        queries would else give different plans.
         """
         near = self.checker.contacts(configuration, self._margin, self._contacts)
-        return sum(contact.distance - self._margin for contact in near.values())
+        return round(sum(contact.distance - self._margin for contact in near.values()), 6)
 
     def first_deeper(self, configurations: Array) -> tuple[int, Contact] | None:
         """Return the first row in which a contact is closer than at the start, or None.

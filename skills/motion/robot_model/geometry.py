@@ -15,7 +15,7 @@ _MIN_THICKNESS = 1e-4  # smallest thickness of a hull, because coal crashes on a
 # Sides of the prism around a cylinder; fewer sides make every check of the hull faster.
 _PRISM_SIDES = 8
 _THIN = 1e-4  # radius of the capsule that stands for a line [m]
-_SAME_VERTEX = 1e-6  # distance of equal vertices, as a share of the mesh's size
+_SAME_VERTEX = 1e-6  # vertices are rounded to this share of the mesh's size
 _UP, _IDENTITY = np.array([0.0, 0.0, 1.0]), coal.Transform3s.Identity()
 
 
@@ -104,8 +104,8 @@ class EnclosedVolume:
     def _edges(self) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
         """The number of triangles at each edge, and the surplus of one direction of the edge.
 
-        Vertices at one place are one vertex, also if rounding has moved them. `np.unique` of rows
-        would take ten times as long.
+        Vertices at one place are one vertex, mostly also if they differ in their last digits.
+        `np.unique` of rows would take ten times as long.
         """
         same, size = np.zeros(len(self._points), np.intp), np.ptp(self._points, axis=0).max()
         for column in np.round(self._points / (_SAME_VERTEX * size or 1.0)).T:

@@ -10,8 +10,8 @@ its socket. The two FD are file descriptors of sockets to the parent:
             worker's process id with a descriptor of the process, and later its exit code. If the
             robot is unusable, a MotionError is the only report.
 
-A request and its answer have the same number. If the answer needs meshes, a message says when they
-are read, because the timeout of the request begins then. A MotionError is an answer, too. Any other
+A request and its answer have the same number. If the world has meshes, a message says when they are
+read, because the timeout of the request begins then. A MotionError is an answer, too. Any other
 error ends the process, and so does too much memory. The parent then starts a new process.
 """
 
@@ -23,12 +23,12 @@ import signal
 import socket
 import sys
 from contextlib import suppress
+from functools import partial
 
 from hardware import RealClock
-from skills.motion.collision.body_meshes import BodyMesh
-from skills.motion.errors import BadWorld, MotionError
+from skills.motion.errors import MotionError
 from skills.motion.planner import Planner
-from skills.motion.query import Request, Result, checked_world
+from skills.motion.query import Request, Result
 from skills.motion.world import EMPTY, World
 
 from .memory import limit_memory
@@ -73,13 +73,8 @@ def _load(planner: Planner, world: World) -> None:
 def _answer_requests(planner: Planner, requests: socket.socket) -> None:
     while True:
         number, request = receive(requests)
-        meshes = list[BodyMesh]()
-        if (world := checked_world(request)).meshes:
-            with suppress(BadWorld):  # the answer reports the error
-                meshes = planner.read_meshes(world)
-            send(requests, encode((number, MESHES_READ)))
+        planner.meshes_read = partial(send, requests, encode((number, MESHES_READ)))
         send(requests, encode((number, _answer(planner, request))))
-        del meshes
 
 
 def _answer(planner: Planner, request: Request) -> Result:

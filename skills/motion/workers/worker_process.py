@@ -95,7 +95,7 @@ class WorkerProcess:
 
         Args:
             request: The request.
-            slow: Callback that is called once if the answer takes longer than `_SLOW`.
+            slow: Callback that is called if the meshes or the answer take longer than `_SLOW`.
         """
         ahead, self._ahead = self._ahead, None
         if invalid := _check(request):
@@ -103,22 +103,24 @@ class WorkerProcess:
         deadline = self._deadline(request)
         if failed := self._wait_until_forked(request, deadline):
             return failed
+        reading = bool(checked_world(request).meshes)
         try:
             until, message = ahead or self._encode(request)
             until = min(until, deadline)
             if message:
                 send(self._socket, message, until)
-            if checked_world(request).meshes:
-                self._wait_for_meshes(slow)
-                until = _end(request)
-            if slow and self._is_slow(until):
-                slow()
-            return self._answers.check(request, self._answer_of(receive(self._socket, until)))
+            if reading:
+                until = time.monotonic() + _READ
+            answer = self._receive(until, slow)
+            if reading and isinstance(answer, str) and answer == MESHES_READ:
+                reading, until = False, _end(request)
+                answer = self._receive(until, slow)
+            return self._answers.check(request, answer)
         except BadQuery as error:
             return error
         except TimeoutError:
             self.kill()
-            return PlanTimeout(request.timeout)
+            return _unread() if reading else PlanTimeout(request.timeout)
         except (EOFError, OSError):
             return self._died(until)
         except InvalidMessage as error:
@@ -177,31 +179,22 @@ class WorkerProcess:
     def _deadline(self, request: Request) -> float:
         """Return when a request ends, on the monotonic clock [s]; infinity if it has not begun.
 
-        It begins when it is sent, or at once while the server loads a world without meshes for it.
+        It begins when it is sent; if it has no meshes, at once while the server loads a world.
         """
         meshes = checked_world(request).meshes
         if self.forked or meshes or not self._server.is_loading():
             return math.inf
         return _end(request)
 
-    def _wait_for_meshes(self, slow: Callable[[], None] | None) -> None:
-        """Wait until the worker has read the meshes of a request's world. For `slow`, see `call`.
+    def _receive(self, until: float, slow: Callable[[], None] | None) -> Any:
+        """Wait for the next answer of the worker. For `slow`, see `call`.
 
         Raises:
-            BadWorld: It takes too long. The worker was killed.
-            EOFError, OSError, InvalidMessage: As `receive`.
+            TimeoutError, EOFError, OSError, InvalidMessage: As `receive`.
         """
-        until = time.monotonic() + _READ
         if slow and self._is_slow(until):
             slow()
-        try:
-            message = receive(self._socket, until)
-        except TimeoutError as late:
-            self.kill()
-            why = f"The meshes of the world were not read within {_READ:g} s"
-            raise BadWorld(f"{why}; give meshes with fewer triangles") from late
-        if self._answer_of(message) != MESHES_READ:
-            raise InvalidMessage("before it had read the meshes")
+        return self._answer_of(receive(self._socket, until))
 
     def _wait_until_forked(self, request: Request, deadline: float) -> MotionError | None:
         """Wait until the worker is forked. Return None, or an error.
@@ -315,6 +308,11 @@ def _kill(process: int) -> None:
 def _is_small(request: Request) -> bool:
     """Return True if a request is small enough to be encoded without delaying other threads."""
     return isinstance(request, Query) and len(request.via) + len(request.world.bodies) < _FEW
+
+
+def _unread() -> BadWorld:
+    why = f"The meshes of the world were not read within {_READ:g} s"
+    return BadWorld(f"{why}; run again, or give meshes with fewer triangles")
 
 
 def _end(request: Request) -> float:

@@ -12,7 +12,8 @@ from executive.cli.main import cli
 from executive.code_table import look_up
 from hardware import load_robot
 from skills import BadTarget
-from skills.motion import GoalInCollision, Unreachable
+from skills.motion import GoalInCollision, Plan, Query, Unreachable
+from skills.motion.planner import Planner
 from trees import UnknownTask
 
 pytestmark = pytest.mark.slow
@@ -96,11 +97,17 @@ def test_of_many_bodies_some_are_named(tmp_path: Path) -> None:
 
 
 @pytest.mark.usefixtures("undrawn")
-def test_a_timeout_can_be_given(tmp_path: Path) -> None:
-    result = plan(tmp_path, "1", "--planning-timeout", "0.05")
-    assert result.exit_code == 2
-    result = plan(tmp_path, "1", "--planning-timeout", "0.1")
-    assert result.exit_code == 0, result.exception
+def test_a_timeout_can_be_given(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    planned, timeouts = Planner.plan, list[float]()
+
+    def note(planner: Planner, query: Query) -> Plan:
+        timeouts.append(query.timeout)
+        return planned(planner, query)
+
+    monkeypatch.setattr(Planner, "plan", note)
+    assert plan(tmp_path, "1", "--planning-timeout", "0.05").exit_code == 2
+    assert plan(tmp_path, *PICK, "--planning-timeout", "70").exit_code == 0
+    assert set(timeouts) == {70.0}
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -261,10 +268,12 @@ def test_a_task_that_moves_nothing(tmp_path: Path) -> None:
 @pytest.mark.usefixtures("undrawn")
 def test_how_long_it_took_to_get_ready_is_reported(tmp_path: Path) -> None:
     ready, _, _, _, found, *_ = plan(tmp_path, "0.1", "0.05", "0.08").output.splitlines()
-    milliseconds = re.match(r"Prepared  in (\S+) ms \(model (\S+), goal (\S+)\)$", ready)
+    milliseconds = re.match(
+        r"Prepared  in (\S+) ms \(model (\S+), world (\S+), goal (\S+)\)$", ready
+    )
     assert milliseconds
-    whole, model, goal = map(float, milliseconds.groups())
-    assert whole == pytest.approx(model + goal, abs=0.02)
+    whole, model, world, goal = map(float, milliseconds.groups())
+    assert whole == pytest.approx(model + world + goal, abs=0.03)
     assert goal > 0.5  # many descents
     assert found.startswith("Planned   in")
 

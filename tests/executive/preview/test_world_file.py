@@ -165,8 +165,8 @@ def test_a_file_that_is_not_there_is_one_that_is_wrong(tmp_path: Path) -> None:
         ({"touches": ["flor"]}, "post may touch flor, but there is no such link or body"),
         ({"name": "base_link"}, "The robot already has a base_link"),
         ({"name": "ball"}, "Two bodies have the name ball; rename one"),
-        ({"mesh": {"path": "none.stl"}}, "The mesh none.stl cannot be read: there is no /"),
-        ({"mesh": {"path": "."}}, "The mesh . cannot be read: it is not an ordinary file"),
+        ({"mesh": {"path": "none.stl"}}, "The mesh FOLDER/none.stl cannot be read: there is no /"),
+        ({"mesh": {"path": "."}}, "The mesh FOLDER cannot be read: it is not an ordinary file"),
         ({"mesh": {"path": __file__}}, f"The mesh {__file__} cannot be read: "),
     ],
 )
@@ -182,4 +182,5 @@ def test_bodies_that_do_not_fit_the_robot(tmp_path: Path, more: dict[str, Any], 
     for goal in ("right", "1"):
         result = plan(goal, "--world", str(file))
         assert isinstance(result.exception, BadWorldFile)
+        why = why.replace("FOLDER", str(tmp_path))
         assert str(result.exception).startswith(f"{file}:{line}:1: {why}")

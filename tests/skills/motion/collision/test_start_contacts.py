@@ -9,6 +9,7 @@ import pytest
 
 from hardware import SimulatedClock, load_robot
 from skills.motion import GoalInCollision, MotionCollides, PlanTimeout, StartInCollision, Verify
+from skills.motion.collision.start_contacts import StartContacts
 from skills.motion.deadline import Deadline
 from skills.motion.errors import ContactDeepened
 from skills.motion.planner import Planner
@@ -77,6 +78,17 @@ def test_a_motion_that_would_deepen_a_contact_first_leaves_it(
     out = free.index(True)
     assert out < 40
     assert all(free[out:])
+
+
+def test_only_the_contacts_of_the_start_count(planner: Planner) -> None:
+    checker, margin = planner.checker, SO101.collision.margin
+    contacts = StartContacts(checker, np.radians(FOLDED), margin)
+    both = checker.contacts(np.radians(BOTH), margin)
+    assert contacts.clearance(np.radians((*READY, 0))) == 0.0
+    ((pair, own),) = ((k, each) for k, each in both.items() if set(each[:2]) in contacts.pairs)
+    assert len(both) > 1
+    assert contacts.clearance(np.radians(BOTH)) == round(own.distance - margin, 6)
+    assert list(checker.contacts(np.radians(BOTH), margin, [pair])) == [pair]
 
 
 def test_joints_that_do_not_change_a_contact_move(planner: Planner) -> None:

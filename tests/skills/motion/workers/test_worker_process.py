@@ -14,10 +14,22 @@ import numpy as np
 import pytest
 
 from hardware import Robot, load_robot
-from skills.motion import Plan, PlanTimeout, Query, Reached, Verify, WorkerDied
+from skills.motion import (
+    Body,
+    Mesh,
+    Plan,
+    PlanTimeout,
+    Query,
+    Reached,
+    Verify,
+    WorkerDied,
+    World,
+)
 from skills.motion.planner import Planner
 from skills.motion.workers.fork_server import ForkServer
+from skills.motion.workers.messages import MESHES_READ
 from skills.motion.workers.worker_process import WorkerProcess
+from tests.support.paths import DATA
 
 PICK = Query("arm", (0.0, 0.0, 0.0, 0.0), (-1.4, -0.6, -0.07))
 
@@ -96,6 +108,8 @@ def answered(answer: object, number: object = 1) -> bytes:
         answered(PlanTimeout(1.0), number=2),
         answered(PlanTimeout(1.0), number=np.array([1, 1])),
         answered(PlanTimeout(1.0), number=1.0),
+        answered(MESHES_READ),
+        answered(np.zeros(2)),
         (2**31).to_bytes(4),
     ],
 )
@@ -103,10 +117,16 @@ def test_a_worker_with_an_invalid_answer(
     robot: Robot, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: bytes
 ) -> None:
     program(tmp_path / "nonsense", SAYS, monkeypatch, answer=answer)
-    with started(robot) as worker:
-        assert isinstance(worker.call(PICK), WorkerDied)
-        assert not worker.alive
-    assert not Path(f"/proc/{worker.pid}").exists()
+    beam = World((Body("beam", Mesh(str(DATA / "beam.stl")), (2.0, 0.0, 0.0)),))
+    for request in (PICK, dataclasses.replace(PICK, world=beam, timeout=0.5)):
+        with started(robot) as worker:
+            died = worker.call(request)
+            if answer == answered(MESHES_READ) and request is not PICK:
+                assert isinstance(died, PlanTimeout)  # no answer follows
+            else:
+                assert isinstance(died, WorkerDied)
+            assert not worker.alive
+        assert not Path(f"/proc/{worker.pid}").exists()
 
 
 def test_bytes_after_an_answer_are_no_answer(

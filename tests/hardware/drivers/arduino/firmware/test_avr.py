@@ -189,7 +189,8 @@ def test_the_port_has_the_speed_of_the_line(built: Built) -> None:
                 sent += 12
             else:
                 said += link.read()
-        assert clock.now() - began + 0.005 >= 576 * 20 * BYTE
+        # On a busy machine, the chip is late at the beginning, and then makes up for it.
+        assert clock.now() - began >= 0.95 * 576 * 20 * BYTE
         assert said.splitlines()[575].startswith(b"k0240,00,00,")
         link.close()
 
