@@ -9,7 +9,7 @@ import logs
 from hardware import VIRTUAL, Clock, Link, LinkError, RealClock, Robot, utc_ns
 from logs.writing.retention import Rule, prune
 from skills import Leader, Operator
-from skills.motion import BadWorld, Pool, Verify, World
+from skills.motion import EMPTY, BadWorld, Pool, Verify, World
 from skills.user_skills import load_skills
 from trees import Library, TaskLibrary
 from trees.nodes.kind import reserved_names
@@ -17,7 +17,7 @@ from trees.nodes.kind import reserved_names
 from .api.events import Event
 from .executive import Executive
 from .host_limits import check_host
-from .setup import Setup, load_world
+from .setup import Setup
 
 logger = logging.getLogger(__name__)
 
@@ -59,7 +59,6 @@ def open_executive(
     """
     check_host(setup.workers)
     robot, clock = setup.load_robot(), clock or RealClock()
-    world = load_world(setup.world)
     port = robot.serial.port if setup.port is None else setup.port
     with ExitStack() as stack:
         if link is None and port:
@@ -73,8 +72,7 @@ def open_executive(
         if pool is None:
             pool = Pool(robot, setup.workers, clock)
             stack.enter_context(closing(pool))
-        if setup.world:
-            _check_world(setup.world, world, robot, pool)
+        world = _load_world(setup.world, robot, pool) if setup.world else EMPTY
         executive = Executive(setup, robot, link, library, pool, clock, operator, leader, world)
         if subscriber:
             executive.subscribe(subscriber)
@@ -88,18 +86,20 @@ def open_executive(
             yield executive
 
 
-def _check_world(file: Path, world: World, robot: Robot, pool: Pool) -> None:
-    """Check that the bodies of a world file fit the robot. A planner loads them, also their meshes.
+def _load_world(file: Path, robot: Robot, pool: Pool) -> World:
+    """Return the bodies of a world file. A planner loads them, also their meshes.
 
     Raises:
-        BadWorldFile: A body is wrong.
+        BadWorldFile: The file is wrong or missing, or a body does not fit the robot.
     """
+    from .preview.world_file import in_file, read_world  # slow to import
+
+    world = read_world(file)
     pool.start()
     answer = pool.ask(Verify([robot.boot_pose], 0.0, world=world))
     if isinstance(answer, BadWorld):
-        from .preview.world_file import in_file  # slow to import
-
         raise in_file(file, answer)
+    return world
 
 
 def _check_port(setup: Setup, link: Link | None, report: Callable[[str], None]) -> None:

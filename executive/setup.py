@@ -8,27 +8,11 @@ from .api import Policy
 
 if TYPE_CHECKING:
     from hardware import Robot
-    from skills.motion import World
 
 
 def find_own_trees() -> Path | None:
     """Return `./trees`, or None if there is no such folder."""
     return own if (own := Setup.own_trees).is_dir() else None
-
-
-def load_world(file: Path | None) -> "World":
-    """Return the bodies of a world file; no bodies if there is no file.
-
-    Raises:
-        BadWorldFile: The file is wrong or missing.
-    """
-    from skills.motion import EMPTY
-
-    if file is None:
-        return EMPTY
-    from .preview.world_file import read_world  # slow to import
-
-    return read_world(file)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -159,14 +159,15 @@ def check(
         raise click.UsageError(
             "give --trees or FILE, not both: a FILE is checked with the other files of its folder"
         )
-    from executive.preview.world_file import check_world
-    from executive.setup import load_world
+    from executive.preview.world_file import check_world, read_world
     from hardware import load_robot
+    from skills.motion import EMPTY
     from trees import FileError
     from trees.check import check as find_mistakes
 
-    loaded, bodies = load_robot(robot), load_world(world)
+    loaded, bodies = load_robot(robot), EMPTY
     if world:
+        bodies = read_world(world)
         check_world(world, bodies, loaded)
     findings = find_mistakes(loaded, trees, files, bodies)
     for note in findings.notes:

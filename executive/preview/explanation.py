@@ -9,16 +9,15 @@ from typing import Any
 
 import numpy as np
 
-from executive.setup import load_world
 from hardware import DISPLAY_UNITS, RealClock, Robot
-from skills.motion import BadWorld, Plan, World
+from skills.motion import EMPTY, BadWorld, Plan, World
 from skills.motion.deadline import Stopwatch
 from skills.motion.planner import Planner
 from skills.motion.timing.explain import limits_met, straight_duration
 
 from .plan_request import PlanRequest
 from .task_motions import Motion
-from .world_file import check_world
+from .world_file import check_world, read_world
 
 _STEP = 0.005  # time between two points of the curves [s]
 _MOST_BODIES = 20  # largest number of names of bodies in the explanation
@@ -50,7 +49,7 @@ class Explanation:
         with self._watch.stage("model"):
             self._planner = Planner(request.robot)
         with self._watch.stage("world"):
-            self._bodies = load_world(world)
+            self._bodies = read_world(world) if world else EMPTY
         with self._watch.stage("goal"), self._blaming_the_file():
             self._motions, self._unknown = request.motions(self._planner, self._bodies)
 
