@@ -69,10 +69,11 @@ class Arm:
     ) -> None:
         _check("port", port, isinstance(port, str) and port, f"a serial port, or {VIRTUAL}")
         _check("seed", seed, type(seed) is int and seed > 0, "a whole number from 1")
+        _check("world", world, world is None or isinstance(world, str | Path), "a path or None")
         _check(
             "planning_timeout",
             planning_timeout,
-            isinstance(planning_timeout, int | float) and 0.1 <= planning_timeout <= 3600,
+            type(planning_timeout) in (int, float) and 0.1 <= planning_timeout <= 3600,
             "a number from 0.1 to 3600",
         )
         _check("pose", pose, pose in (None, "boot", "last"), "boot, last or None")

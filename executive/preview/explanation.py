@@ -48,8 +48,11 @@ class Explanation:
         self._watch = Stopwatch(RealClock())
         with self._watch.stage("model"):
             self._planner = Planner(request.robot)
-        with self._watch.stage("world"):
-            self._bodies = read_world(world) if world else EMPTY
+        self._bodies = EMPTY
+        if world:
+            with self._watch.stage("world"), self._blaming_the_file():
+                self._bodies = read_world(world)
+                self._planner.prepare(self._bodies)
         with self._watch.stage("goal"), self._blaming_the_file():
             self._motions, self._unknown = request.motions(self._planner, self._bodies)
 

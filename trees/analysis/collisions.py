@@ -41,7 +41,7 @@ class CollisionChecks:
         world: Bodies around the arm before each task.
 
     Attributes:
-        poses: Places and configurations [rad] to check in an empty world.
+        poses: Places and configurations [rad] to check.
         trees: Compiled tasks and subtrees.
         tasks: The tasks among them.
         notes: Notes about configurations that could not be checked. Also notes that assume that the
@@ -127,7 +127,7 @@ class CollisionChecks:
         found: dict[tuple[Pose, World], list[_Use]] = {}
         goal, start = "this pose collides", "before this motion, the arm is in collision"
         for place, pose in self.poses:
-            found.setdefault((pose, EMPTY), []).append((place, goal))
+            found.setdefault((pose, self.world), []).append((place, goal))
         for tree in self.trees:
             task = any(tree is each for each in self.tasks)
             reach = self._unreachable if task else None

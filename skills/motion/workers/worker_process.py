@@ -95,7 +95,8 @@ class WorkerProcess:
 
         Args:
             request: The request.
-            slow: Callback that is called if the meshes or the answer take longer than `_SLOW`.
+            slow: Callback that is called if the meshes take longer than `_SLOW`, and again if the
+                answer does.
         """
         ahead, self._ahead = self._ahead, None
         if invalid := _check(request):
