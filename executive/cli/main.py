@@ -10,7 +10,7 @@ from hardware.printable import printable
 
 from .support.command_group import COMPLETION_VARIABLE, CommandGroup, Diagnostics
 from .support.process import protected_process
-from .terminal.streams import discard, echo, open_closed_streams
+from .terminal.streams import discard, echo, open_closed_streams, settle
 
 # The commands by section: the module and function of each, and the first sentence of its help.
 SECTIONS = {
@@ -143,4 +143,7 @@ def main() -> None:
             echo(printable(traceback.format_exc()), nl=False, err=True, whole=True)
         from .support.failures import print_error
 
-        sys.exit(print_error(error))
+        status = print_error(error)
+        settle(output)
+        settle(sys.stderr)
+        sys.exit(status)

@@ -64,7 +64,8 @@ def wheel(tracked: list[str], tmp_path_factory: pytest.TempPathFactory) -> Path:
     call(sys.executable, "-c", build.format("sdist", folder), folder=source)
     (archive,) = folder.glob("*.tar.gz")
     with tarfile.open(archive) as packed:
-        packed.extractall(folder / "unpacked", filter="data")
+        packed.extraction_filter = getattr(tarfile, "data_filter", None)  # not in Python 3.11.2
+        packed.extractall(folder / "unpacked")
     (unpacked,) = (folder / "unpacked").iterdir()
     call(sys.executable, "-c", build.format("wheel", folder), folder=unpacked)
     (built,) = folder.glob("*.whl")

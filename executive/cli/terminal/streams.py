@@ -42,6 +42,14 @@ def discard(stream: TextIO) -> None:
     os.close(nowhere)
 
 
+def settle(stream: TextIO) -> None:
+    """Write the buffered text of a stream. Discard it if that fails: Python would exit with 120."""
+    try:
+        stream.flush()
+    except OSError:
+        discard(stream)
+
+
 def is_screen(stream: TextIO) -> bool:
     """Return True for a terminal that can move its cursor and has the characters of a picture."""
     dumb = os.environ.get("TERM", "").lower() in ("", "dumb", "unknown")
@@ -141,6 +149,7 @@ class LastingStream:
         if error.errno == errno.ENOSPC:
             with suppress(OSError):  # standard error may be on that disk, too
                 echo("warning: the disk is full; the rest of the output is lost", err=True)
+            settle(sys.stderr)
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self._stream, name)

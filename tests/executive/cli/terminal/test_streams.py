@@ -70,6 +70,12 @@ def test_closed_streams_change_nothing(arguments: str, redirections: str, tmp_pa
     assert (done.returncode, done.stderr) == (0, b"")
 
 
+@pytest.fixture(params=["", "1"], ids=["buffered", "unbuffered"])
+def _buffered(request: pytest.FixtureRequest, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("PYTHONUNBUFFERED", request.param)
+
+
+@pytest.mark.usefixtures("_buffered")
 @pytest.mark.parametrize("arguments", ["tasks", "tasks --json", "skills --json", "check --json"])
 def test_a_command_that_only_prints_names_the_full_disk(tmp_path: Path, arguments: str) -> None:
     command = ["sh", "-c", f'"$@" {arguments} >/dev/full', "sh", *ARMTREE]
@@ -78,6 +84,7 @@ def test_a_command_that_only_prints_names_the_full_disk(tmp_path: Path, argument
     assert (done.returncode, done.stderr) == (3, words)
 
 
+@pytest.mark.usefixtures("_buffered")
 @pytest.mark.parametrize("how", [">/dev/full", "--json 2>&1 >/dev/full", ">/dev/full 2>&1"])
 def test_a_run_goes_on_without_its_output_if_the_disk_is_full(tmp_path: Path, how: str) -> None:
     shell = f'"$@" run 0 --port virtual {how}'
