@@ -35,13 +35,14 @@ class Arm:
         trees: Folder with task files of your own; default: `./trees`, if it exists. The
             example tasks are in `armtree.EXAMPLES`.
         skills: Folder with Python files of skills of your own.
-        world: JSON or YAML file with the bodies around the arm before the first task.
         recordings: Folder for recordings.
         seed: Seed of planning, from 1.
-        planning_timeout: Longest time of a planner, without the time to read meshes [s].
         pose: Confirmed position of the arm, `boot` or `last`; needed if opening the port does not
             reset the board.
         operator: Answers the questions of tasks. Default: no operator.
+        world: JSON or YAML file with the bodies around the arm before the first task.
+        planning_timeout: Longest time of a planner, without the time to read meshes, 0.1 to 3600
+            [s].
 
     Attributes:
         executive: Runs the tasks. It can also pause, resume and report.
@@ -60,12 +61,12 @@ class Arm:
         robot: str | Path | None = None,
         trees: str | Path | None = None,
         skills: str | Path | None = None,
-        world: str | Path | None = None,
         recordings: str | Path = Setup.recordings,
         seed: int = Setup.seed,
-        planning_timeout: float = Setup.planning_timeout,
         pose: str | None = None,
         operator: Operator | None = None,
+        world: str | Path | None = None,
+        planning_timeout: float = Setup.planning_timeout,
     ) -> None:
         _check("port", port, isinstance(port, str) and port, f"a serial port, or {VIRTUAL}")
         _check("seed", seed, type(seed) is int and seed > 0, "a whole number from 1")

@@ -145,6 +145,9 @@ def test_a_closed_arm_runs_nothing(arm: Arm) -> None:
     [
         ({"seed": 0}, "seed = 0 is invalid; give a whole number from 1"),
         ({"seed": 1.5}, "seed = 1.5 is invalid"),
+        ({"planning_timeout": True}, "planning_timeout = True is invalid; give a number from 0.1"),
+        ({"planning_timeout": 0}, "planning_timeout = 0 is invalid; give a number from 0.1"),
+        ({"world": 5}, "world = 5 is invalid; give a path or None"),
         ({"pose": "bot"}, "pose = 'bot' is invalid; give boot, last or None"),
         ({"port": ""}, "port = '' is invalid; give a serial port, or virtual"),
         ({"port": 3}, "port = 3 is invalid"),
