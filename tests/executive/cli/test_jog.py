@@ -19,6 +19,7 @@ from logs import Recording, Sent
 from tests.end_to_end.test_command_line import robot
 from tests.faults.means.wrong_calls import WrongCalls
 from tests.support.command_line.pseudo_terminal import ARMTREE, PseudoTerminal
+from tests.support.recordings.finished import finished
 from tests.support.servers.serving import Serve
 
 pytestmark = pytest.mark.slow
@@ -247,6 +248,7 @@ def test_the_arm_of_a_server_holds_whatever_ends_a_jog(
     held = served.executive.where().commanded
     assert held
     assert 0.0 < held["joint_1"] < 0.17
+    finished(tmp_path / "recordings")
     assert verify(Path(outcome.recording)).holds
 
 

@@ -25,6 +25,15 @@ def expect(tab: Tab, selector: str) -> Any:
     return expected(tab.locator(selector))
 
 
+def until(tab: Tab, holds: Callable[[], object]) -> None:
+    """Wait until something holds for this test, such as that a request has arrived."""
+    for _ in range(1000):  # 20 s, as above
+        if holds():
+            return
+        tab.wait_for_timeout(20)
+    raise AssertionError("what the test waits for has not come within 20 s")
+
+
 def is_accessible(tab: Tab) -> None:
     """Check the connected page with axe-core, if `make lint` has installed it."""
     axe = ROOT / "executive/server/page/node_modules/axe-core/axe.min.js"

@@ -9,7 +9,7 @@ import pytest
 
 from tests.support.command_line.pseudo_terminal import ARMTREE
 from tests.support.recordings.finished import at_rest
-from tests.support.servers.browsing import Open, Tab, expect, forget, shows
+from tests.support.servers.browsing import Open, Tab, expect, forget, shows, until
 from tests.support.servers.serving import Serve, Served
 
 pytestmark = pytest.mark.slow
@@ -63,17 +63,19 @@ def tell_unfinished(asked: Any) -> None:
 
 
 def test_a_slow_and_a_hidden_tab_catch_up_and_stop(open_page: Open, page_server: Served) -> None:
+    def closed() -> bool:
+        """Whether no tab has a stream."""
+        return b"armtree_watchers 0.0" in page_server.ask("GET", "/metrics")[1]
+
     tab = open_page()
     shows(tab, "#arm-state", "^active$")
     tab.evaluate(HIDE, True)
-    while b"armtree_watchers 0.0" not in page_server.ask("GET", "/metrics")[1]:
-        tab.wait_for_timeout(20)  # until it closes its stream
+    until(tab, closed)
     goal = page_server.executive.send(10).identity
     tab.evaluate(HIDE, False)
     shows(tab, "#running", "^wait$")
     tab.evaluate(HIDE, True)  # it does not see how the goal ends
-    while b"armtree_watchers 0.0" not in page_server.ask("GET", "/metrics")[1]:
-        tab.wait_for_timeout(20)
+    until(tab, closed)
     page_server.executive.cancel()
     page_server.executive.result(goal)
     at_rest(page_server.folder / "recordings")
@@ -227,8 +229,7 @@ def test_requests_without_an_answer_are_made_again_with_the_next_stream(
             empty.route(path, lose)
 
     tab = open_page(prepare=prepare)
-    while len(lost) < len(paths):
-        tab.wait_for_timeout(20)
+    until(tab, lambda: len(lost) >= len(paths))
     tab.unroute_all()
     tab.context.set_offline(True)
     shows(tab, "#connection", "No connection")

@@ -6,7 +6,15 @@ from typing import Any
 import pytest
 
 from tests.support.recordings.finished import at_rest
-from tests.support.servers.browsing import Open, Tab, expect, forget, is_accessible, shows
+from tests.support.servers.browsing import (
+    Open,
+    Tab,
+    expect,
+    forget,
+    is_accessible,
+    shows,
+    until,
+)
 from tests.support.servers.serving import Served
 
 pytestmark = pytest.mark.slow
@@ -197,7 +205,7 @@ def test_a_goal_that_begins_while_an_earlier_run_loads_is_shown(
         held.append(asked)
 
     tab = open_page(prepare=lambda empty: empty.route("**/api/recordings/*/series", hold))
-    shows(tab, "#runs .name", "deliver")
+    until(tab, lambda: held)
     page_server.executive.send(WAIT)
     shows(tab, "#running", "^wait$")
     held[0].continue_()
