@@ -3,6 +3,7 @@
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeVar, cast
@@ -103,9 +104,9 @@ class Rig:
             while self.clock.now() < until:
                 signal.wait(until)
 
-    def soon(self, act: Callable[[], None]) -> None:
-        """Do it on another thread, before time goes on."""
-        self.clock.spawn(act, "test")
+    def soon(self, act: Callable[[], None]) -> threading.Thread:
+        """Do it on another thread, before time goes on; other threads may go on. Return it."""
+        return self.clock.spawn(act, "test")
 
     def _watch(self, event: Event) -> None:
         if isinstance(event, GoalStatus):

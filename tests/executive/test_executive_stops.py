@@ -33,11 +33,14 @@ def busy(rig: Rig) -> list[str]:
 
 
 def at(rig: Rig, name: str, act: Callable[[], None], status: str = "RUNNING") -> None:
-    """Do something, on another thread, when a node of that name has that status."""
+    """Do something, on another thread, when a node of that name has that status.
+
+    The run goes on when it is done, because a run needs no time until it moves.
+    """
 
     def watch(record: logs.Record) -> None:
         if isinstance(record, logs.NodeStatus) and (record.name, record.status) == (name, status):
-            rig.soon(act)
+            rig.soon(act).join()
 
     rig.on_record = watch
 

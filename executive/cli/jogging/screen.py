@@ -92,7 +92,7 @@ class JogScreen(KeyScreen):
         self._events: SimpleQueue[_Event] = SimpleQueue()
         self._worker = ThreadPoolExecutor(1, "jog")
         self._moves: Future[None] | None = None
-        self._stops = 0  # number of stops
+        self._stops, self._stopping = 0, list[threading.Thread]()  # number of stops, running stops
         self._changed, self._looking = threading.Event(), threading.Lock()
         self._lost: ClientError | None = None
         self._asked: Callable[[], str] | None = None
@@ -176,9 +176,13 @@ class JogScreen(KeyScreen):
     def _do(self, action: Action | None) -> None:
         match action:
             case Go(move=move):
-                self._moves = self._worker.submit(self._move, move, self._stops)
+                self._stopping = [stop for stop in self._stopping if stop.is_alive()]
+                self._moves = self._worker.submit(self._move, move, self._stops, self._stopping)
             case Stop():
-                threading.Thread(target=self.stop, name="stop", daemon=True).start()
+                self._stops += 1
+                stop = threading.Thread(target=self._stop, name="stop", daemon=True)
+                self._stopping = [*self._stopping, stop]
+                stop.start()
             case Leave():
                 self.end()
             case Call(key, text) as call:
@@ -197,11 +201,21 @@ class JogScreen(KeyScreen):
         except _SHOWN as error:
             self._jog = refused(str(error))
 
-    def _move(self, move: Move, stops: int) -> None:
-        def accepted() -> None:
-            if self._stops > stops:  # the stop came before the move
-                self.stop()
+    def _move(self, move: Move, stops: int, stopping: Sequence[threading.Thread]) -> None:
+        """Execute a move.
 
+        Args:
+            move: The move.
+            stops: Number of stops before the move.
+            stopping: Running ones of these. They end first, or they would stop this move.
+        """
+
+        def accepted() -> None:
+            if self._stops > stops:  # a stop after the key of the move
+                self._stop()
+
+        for stop in stopping:
+            stop.join()
         try:
             outcome = self._arm.move(move, accepted)
             self._look(lambda where: _Ended(outcome, where))
@@ -211,6 +225,9 @@ class JogScreen(KeyScreen):
     def stop(self) -> None:
         """Stop the arm. Any thread may call."""
         self._stops += 1
+        self._stop()
+
+    def _stop(self) -> None:
         try:
             self._arm.stop()
         except Exception as error:

@@ -64,8 +64,8 @@ class FeetechBus:
     def _ping(self, servo: int) -> list[Packet]:
         """Ping a servo, once more if no byte comes, and return the answers."""
         request, before = Packet(servo, Instruction.PING).data, self._noise
-        answers = self._ask(request, 1)
-        return self._ask(request, 1) if not answers and self._noise == before else answers
+        answers = self._ask(request, [servo])
+        return self._ask(request, [servo]) if not answers and self._noise == before else answers
 
     def positions(self, ids: Sequence[int]) -> dict[int, int]:
         """Return the positions of the servos that answer [ticks], by id."""
@@ -73,7 +73,7 @@ class FeetechBus:
             found = {servo: self._get(servo, "position") for servo in ids}
             return {servo: ticks for servo, ticks in found.items() if ticks is not None}
         register = self._series.registers["position"]
-        packets = self._ask(sync_read(ids, register.address, register.size), len(ids))
+        packets = self._ask(sync_read(ids, register.address, register.size), ids)
         return {
             packet.servo: self._series.unpack("position", packet.parameters, register.address)
             for packet in packets
@@ -147,20 +147,23 @@ class FeetechBus:
     def _answer(self, servo: int, request: bytes, count: int) -> Packet | None:
         """Return an answer of a servo with `count` parameters; None after three tries."""
         for _ in range(_TRIES):
-            for packet in self._ask(request, 1):
+            for packet in self._ask(request, [servo]):
                 if packet.servo == servo and len(packet.parameters) == count:
                     return packet
         return None
 
-    def _ask(self, request: bytes, wanted: int) -> list[Packet]:
-        """Send a request, and return its answers: `wanted` answers, or fewer after a timeout."""
+    def _ask(self, request: bytes, servos: Sequence[int]) -> list[Packet]:
+        """Send a request, and return the answers until each of these servos has answered.
+
+        After a timeout there are fewer. Other answers are of servos with a wrong id, or late.
+        """
         with self._changed:
             self._received.clear()
         self._link.write(request)
-        until = self._clock.now() + _TIMEOUT * wanted
-        answers = list[Packet]()
+        until = self._clock.now() + _TIMEOUT * len(servos)
+        answers, missing = list[Packet](), set(servos)
         with self._changed:
-            while len(answers) < wanted and self._clock.now() < until:
+            while missing and self._clock.now() < until:
                 self._changed.wait(until)
                 if self._error:
                     raise self._error
@@ -169,6 +172,7 @@ class FeetechBus:
                 whole = sum(len(packet.data) for packet in found)
                 self._noise += before - whole - len(self._received)
                 answers += found
+                missing -= {packet.servo for packet in found}
             self._noise += len(self._received)
             return answers
 

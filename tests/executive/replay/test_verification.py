@@ -53,11 +53,12 @@ def test_a_run_of_several_tasks_holds(rig: RigMaker) -> None:
 
 def test_a_canceled_run_holds_with_its_hold_frame(rig: RigMaker) -> None:
     arm = rig()
-    arm.on_record = lambda record: (
-        arm.soon(arm.cancel)
-        if isinstance(record, logs.Sent) and len(arm.recorded(logs.Sent)) == 4
-        else None
-    )
+
+    def watch(record: logs.Record) -> None:
+        if isinstance(record, logs.Sent) and len(arm.recorded(logs.Sent)) == 4:
+            arm.soon(arm.cancel)
+
+    arm.on_record = watch
     (outcome,) = arm.run(1)
     verification = verify(Path(outcome.recording))
     assert outcome.state.name == "CANCELED"

@@ -189,13 +189,15 @@ def test_while_a_frame_goes_out_everybody_else_waits(act: Callable[[Rig], object
 def test_no_thread_waits_forever_for_a_write_that_does_not_return(
     act: Callable[[Rig], object], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("hardware.link.timed_link._WAIT", 0.002)
+    wait = "hardware.link.timed_link._WAIT"
+    monkeypatch.setattr(wait, 0.1)  # until the write begins, which a busy machine delays
     rig, entered, leave = Rig(), threading.Event(), threading.Event()
     rig.guard._link = timed = TimedLink(rig.link, RealClock())
     timed.open()
     ends: list[Exception] = []
 
     def stick() -> None:
+        monkeypatch.setattr(wait, 0.002)
         entered.set()
         leave.wait(5)
 

@@ -11,6 +11,7 @@ from hardware.drivers.feetech.servo_bus import FeetechBus
 from hardware.drivers.feetech.virtual.bus import Bus, Fault
 from hardware.drivers.feetech.virtual.servo import Servo
 from hardware.drivers.servo_errors import NotKept, NotReleased
+from tests.support.recordings.finished import rest
 
 
 class Stubborn(Servo):
@@ -23,10 +24,26 @@ class Stubborn(Servo):
             super().write(address, values)
 
 
+class Late(BoardLink[Bus]):
+    """A link that is slow, and whose first bytes arrive late, as on a busy machine."""
+
+    late = 0.06  # [s]
+
+    def read(self) -> bytes:
+        data, signal, until = super().read(), self._clock.signal(), self._clock.now() + self.late
+        self.late = 0.001
+        with signal:
+            while data and self._clock.now() < until:
+                signal.wait(until)
+        return data
+
+
 @contextmanager
-def opened(*servos: Servo, faults: tuple[Fault, ...] = ()) -> Iterator[FeetechBus]:
+def opened(
+    *servos: Servo, faults: tuple[Fault, ...] = (), kind: type[BoardLink[Bus]] = BoardLink
+) -> Iterator[FeetechBus]:
     clock = SimulatedClock()
-    link = BoardLink(Bus(servos, 1_000_000, faults), clock)
+    link = kind(Bus(servos, 1_000_000, faults), clock)
     with clock.working(), FeetechBus(STS, link, clock) as bus:
         yield bus
 
@@ -51,3 +68,10 @@ def test_a_value_that_is_not_kept_leaves_the_memory_locked() -> None:
         bus.keep(1, {"homing": 5, "least": 100, "most": 4000})
     assert servo.get("lock") == 1
     assert (servo.kept["offset"], servo.kept["max_angle"]) == (5, 4095)
+
+
+def test_a_late_answer_is_not_taken_for_that_of_the_next_servo() -> None:
+    with opened(*(Servo(STS, number, 2048) for number in (1, 2, 3)), kind=Late) as bus:
+        found, again = bus.find([1, 2, 3]), bus.find([1])
+        rest(bus._clock, 0.1)  # until the last late answer
+    assert [*found.servos, *again.servos] == [2, 3, 1]
