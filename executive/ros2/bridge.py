@@ -22,7 +22,7 @@ _KINDS = "status", "feedback", "sent", "measured", "lifecycle"
 _PAUSE_SECONDS = 0.5  # time between two attempts to reach the server
 # Time without a server until its goals count as aborted and new goals are refused.
 LOST_SECONDS = 2.0
-_SEEN_SECONDS = 2.0  # longest time from the acceptance of a goal to its first event
+_SEEN_SECONDS = 2.0  # longest time from the answer to a request to the events of its effect
 _END_SECONDS = 1.5  # at the end of this process, longest time for the end of its goals
 _TASKS_SECONDS = 3.0  # time between two reads of the list of tasks, because files may change
 
@@ -58,6 +58,7 @@ class Bridge:
         self._connect = partial(AsyncClient, url, name=_CLIENT)
         self.client = self._connect()
         self._held, self._connected = HeldGoals(), asyncio.Event()
+        self._arm_changed = asyncio.Event()
 
     async def __aenter__(self) -> Self:
         return self
@@ -135,6 +136,19 @@ class Bridge:
             self.goals.take(await self.client.goal(identity))
             return self.goals.known[identity]
 
+    async def change_arm(self, transition: str) -> None:
+        """Request a transition of the arm, and wait until `arm` is the new state.
+
+        Raises:
+            ClientError: The transition failed, or the server does not answer.
+        """
+        state = await self.client.arm(transition)
+        with suppress(TimeoutError):  # the arm has changed again
+            async with asyncio.timeout(_SEEN_SECONDS):
+                while self.arm != state:
+                    self._arm_changed.clear()
+                    await self._arm_changed.wait()
+
     async def end(self) -> None:
         """End the goals of this process."""
         ours = self._held.tasks.keys() & self.goals.known.keys()
@@ -174,6 +188,7 @@ class Bridge:
             return
         if isinstance(event, logs.Transition):
             self.arm = event.goal
+            self._arm_changed.set()
         for act in self.on_event:
             act(event)
 

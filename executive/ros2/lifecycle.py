@@ -47,7 +47,7 @@ class HardwareLifecycle:
             self._bridge.log.warning(f"transition {what} is not possible: {where}")
             return
         try:
-            await self._bridge.client.arm(label)
+            await self._bridge.change_arm(label)
             response.success = True
         except ClientError as error:
             self._bridge.log.error(f"{label} failed: {error}")

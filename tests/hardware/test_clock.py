@@ -176,7 +176,7 @@ def test_a_counted_wait_that_is_notified_and_due_at_once_is_counted_once() -> No
 
     threads = [clock.spawn(wait, f"w{n}") for n in range(4)]
     for thread in threads:
-        thread.join(10)
+        thread.join(100)
     assert not any(thread.is_alive() for thread in threads)
     assert clock.now() == rounds
     with clock.working():
@@ -202,7 +202,7 @@ def test_no_wake_up_is_lost_between_many_threads() -> None:
     with clock.working():
         threads = [clock.spawn(partial(play, number), "player") for number in range(players)]
     for thread in threads:
-        thread.join(10)
+        thread.join(100)
         assert not thread.is_alive()
     assert turn[0] == players * rounds
     assert clock.now() == pytest.approx(rounds * 0.001)

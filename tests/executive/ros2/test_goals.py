@@ -92,6 +92,26 @@ def test_the_tasks_of_a_bridge_follow_their_files(
     asyncio.run(act())
 
 
+def test_a_bridge_knows_the_new_state_of_the_arm_after_a_transition(
+    serve: Serve, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    served = serve(active=False)
+
+    async def act() -> None:
+        log, loop = logging.getLogger(), asyncio.get_running_loop()
+        async with Bridge(served.server.url, served.robot, log) as bridge, asyncio.timeout(20):
+            following = asyncio.create_task(bridge.run())
+            await bridge.connected()
+            take = bridge._take
+            monkeypatch.setattr(bridge, "_take", lambda event: loop.call_later(0.1, take, event))
+            await bridge.change_arm("activate")  # its events come after its answer
+            assert bridge.arm == "active"
+            following.cancel()
+            await asyncio.wait([following])
+
+    asyncio.run(act())
+
+
 def test_only_this_machine_finds_the_node_unless_the_user_wants_more(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

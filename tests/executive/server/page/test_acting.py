@@ -9,7 +9,7 @@ from executive.api.move import Move
 from executive.api.outcome import Outcome
 from tests.executive.preview.test_dry_run import COLLIDE
 from tests.executive.server.page.test_arm import BLUE, count, until_seen
-from tests.support.servers.browsing import Open, expect, forget, is_accessible, shows
+from tests.support.servers.browsing import Open, Tab, expect, forget, is_accessible, shows, until
 from tests.support.servers.serving import Serve, Served
 
 pytestmark = pytest.mark.slow
@@ -239,6 +239,12 @@ def test_a_slider_moves_nothing_after_a_stop(
     assert [goal.identity for goal in executive.goals()] == [goal.identity for goal in before]
 
 
+def until_it_knows_of_stops(tab: Tab, served: Served) -> None:
+    """Wait until the page has a status that the server made after the last stop."""
+    known = "import('/page/api.js').then((api) => api.knownStops())"
+    until(tab, lambda: tab.evaluate(known) == served.executive.status().stops)
+
+
 def test_a_move_that_arrives_after_a_stop_is_refused(open_page: Open, page_server: Served) -> None:
     executive, held = page_server.executive, list[Any]()
 
@@ -263,7 +269,8 @@ def test_a_move_that_arrives_after_a_stop_is_refused(open_page: Open, page_serve
     forget(tab, "409")
     assert len(executive.goals()) == before
     tab.unroute("**/api/move")
-    with tab.expect_response("**/api/move") as asked:  # the page knows of the stop by now
+    until_it_knows_of_stops(tab, page_server)
+    with tab.expect_response("**/api/move") as asked:
         tab.click(more)
     assert executive.result(asked.value.json()["goal_id"]).success
 
@@ -307,6 +314,7 @@ def test_an_activation_that_arrives_after_a_stop_is_refused(
     shows(tab, "#control-error", "^the arm was stopped after the last status")
     forget(tab, "409")
     assert executive.status().arm.value == "inactive"
+    until_it_knows_of_stops(tab, page_server)
     tab.click("#activate")
     shows(tab, "#arm-state", "^active$")
 
