@@ -11,7 +11,9 @@ from hardware.link.link import Link
 from .packets import Instruction, Packet, read, sync_read, take_packets, write
 from .registers import ERRORS, KEPT, Series
 
-_TIMEOUT = 0.025  # timeout of one answer; a USB adapter may delay it by 16 ms [s]
+# An answer may take 25 ms; a USB adapter may delay it by 16 ms. There are several waits, because a
+# stall of the whole host ends one of them without giving the answer time to arrive.
+_WAITS, _WAIT = 5, 0.005  # number of waits, and length of a wait [s]
 _TRIES = 3
 
 
@@ -50,8 +52,10 @@ class FeetechBus:
         """
         servos, strangers = dict[int, ServoReport](), dict[int, int]()
         damaged = dict[int, int]()  # number of bytes outside of packets, by id
-        for servo in ids:
+        heard, asked = set[int](), list(ids)
+        for servo in asked:
             before, packets = self._noise, self._ping(servo)
+            heard |= {packet.servo for packet in packets}
             present = any(packet.servo == servo for packet in packets)
             if present and (report := self._report(servo)):
                 servos[servo] = report
@@ -59,6 +63,10 @@ class FeetechBus:
                 strangers[servo] = packets[0].servo
             elif self._noise > before:
                 damaged[servo] = self._noise - before
+        for servo in heard.intersection(asked) - servos.keys() - damaged.keys():
+            if report := self._report(servo):  # its answer was late
+                servos[servo] = report
+                strangers = {k: other for k, other in strangers.items() if servo not in (k, other)}
         return Found(servos, frozenset(damaged), sum(damaged.values()), strangers)
 
     def _ping(self, servo: int) -> list[Packet]:
@@ -160,11 +168,13 @@ class FeetechBus:
         with self._changed:
             self._received.clear()
         self._link.write(request)
-        until = self._clock.now() + _TIMEOUT * len(servos)
+        waits, until = _WAITS * len(servos), self._clock.now() + _WAIT
         answers, missing = list[Packet](), set(servos)
         with self._changed:
-            while missing and self._clock.now() < until:
+            while missing and waits:
                 self._changed.wait(until)
+                if self._clock.now() >= until:
+                    waits, until = waits - 1, self._clock.now() + _WAIT
                 if self._error:
                     raise self._error
                 before = len(self._received)

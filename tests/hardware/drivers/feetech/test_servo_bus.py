@@ -24,10 +24,10 @@ class Stubborn(Servo):
             super().write(address, values)
 
 
-class Late(BoardLink[Bus]):
-    """A link that is slow, and whose first bytes arrive late, as on a busy machine."""
+class Slow(BoardLink[Bus]):
+    """A link whose bytes arrive late."""
 
-    late = 0.06  # [s]
+    late = 0.001  # [s]
 
     def read(self) -> bytes:
         data, signal, until = super().read(), self._clock.signal(), self._clock.now() + self.late
@@ -38,11 +38,20 @@ class Late(BoardLink[Bus]):
         return data
 
 
+class Late(Slow):
+    """A link whose first bytes arrive very late, as on a busy machine."""
+
+    late = 0.06
+
+
 @contextmanager
 def opened(
-    *servos: Servo, faults: tuple[Fault, ...] = (), kind: type[BoardLink[Bus]] = BoardLink
+    *servos: Servo,
+    faults: tuple[Fault, ...] = (),
+    kind: type[BoardLink[Bus]] = BoardLink,
+    clock: SimulatedClock | None = None,
 ) -> Iterator[FeetechBus]:
-    clock = SimulatedClock()
+    clock = clock or SimulatedClock()
     link = kind(Bus(servos, 1_000_000, faults), clock)
     with clock.working(), FeetechBus(STS, link, clock) as bus:
         yield bus
@@ -71,7 +80,27 @@ def test_a_value_that_is_not_kept_leaves_the_memory_locked() -> None:
 
 
 def test_a_late_answer_is_not_taken_for_that_of_the_next_servo() -> None:
-    with opened(*(Servo(STS, number, 2048) for number in (1, 2, 3)), kind=Late) as bus:
-        found, again = bus.find([1, 2, 3]), bus.find([1])
+    with opened(*(Servo(STS, number, 2048) for number in (1, 3)), kind=Late) as bus:
+        found = bus.find([1, 2, 3])
         rest(bus._clock, 0.1)  # until the last late answer
-    assert [*found.servos, *again.servos] == [2, 3, 1]
+    assert (sorted(found.servos), found.strangers) == ([1, 3], {})
+
+
+class Stalled(SimulatedClock):
+    """The clock of a host that does nothing for 0.1 s, once."""
+
+    stall = 0.1  # [s]
+
+    def _jump(self) -> None:
+        before = self._now
+        super()._jump()
+        if self._now > before:
+            self._now, self.stall = self._now + self.stall, 0.0
+            super()._jump()
+
+
+def test_a_stall_of_the_host_loses_no_answer() -> None:
+    with opened(Servo(STS, 1, 2048), kind=Slow, clock=Stalled()) as bus:
+        positions = bus.positions([1])
+        rest(bus._clock, 0.1)  # until a late answer
+    assert positions == {1: 2048}
