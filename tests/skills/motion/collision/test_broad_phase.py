@@ -4,7 +4,9 @@ from collections.abc import Callable
 from itertools import count
 from pathlib import Path
 
+import coal
 import numpy as np
+import pinocchio as pin
 import pytest
 
 from hardware import Robot, load_robot
@@ -19,6 +21,7 @@ from skills.motion.collision import (
 from skills.motion.collision.broad_phase import BroadPhase
 from skills.motion.collision.checker import CollisionChecker
 from skills.motion.collision.planning_scene import PlanningScene
+from skills.motion.robot_model.robot_model import RobotModel
 from tests.support.arms.cube_mesh import cube
 from tests.support.arms.robots import foreign
 
@@ -179,3 +182,41 @@ def test_the_triangles_of_a_hollow_mesh_give_the_verdicts_of_its_hull(
     monkeypatch.setattr(body_meshes, "_HOLLOW", 10.0)
     assert verdicts(hollow=False) == found
     assert len({*found[0]}) == 2
+
+
+def points_of(shape: pin.GeometryObject, random: np.random.Generator, number: int) -> Array:
+    """Random points of a shape, most of them on its surface, in the frame of its joint (N, 3)."""
+    form = shape.geometry
+    if isinstance(form, coal.BVHModelBase):
+        faces = [form.tri_indices(k) for k in random.integers(form.num_tris, size=number).tolist()]
+        corners = form.vertices()[np.array([[face[i] for i in range(3)] for face in faces])]
+        points = (random.dirichlet(np.ones(3), number)[..., None] * corners).sum(axis=1)
+    elif isinstance(form, coal.Box):
+        points = np.clip(random.uniform(-2.0, 2.0, (number, 3)), -1.0, 1.0) * form.halfSide
+    else:
+        points = random.normal(size=(number, 3))
+        if isinstance(form, coal.Cylinder):
+            points[:, :2] /= np.linalg.norm(points[:, :2], axis=1, keepdims=True)
+            points = np.clip(points, -1.0, 1.0) * (form.radius, form.radius, form.halfLength)
+        else:
+            assert isinstance(form, coal.Sphere)
+            points *= form.radius / np.linalg.norm(points, axis=1, keepdims=True)
+    return np.array([shape.placement.act(point) for point in points])
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_each_hull_covers_the_shapes_of_its_link(name: str) -> None:
+    """So what keeps a distance to the hulls, keeps it to the links."""
+    random, model = np.random.default_rng(17), RobotModel(ROBOTS[name]())
+    hulls = dict(zip(model.hull_links, model.hulls, strict=True))
+    for link, shape in zip(model.exact_links, model.exact, strict=True):
+        hull = hulls[link].geometry
+        assert isinstance(hull, coal.ConvexBase)
+        assert hulls[link].parentJoint == shape.parentJoint
+        vertices, points = hull.points(), points_of(shape, random, 2000)
+        faces = [hull.polygons(k) for k in range(hull.num_polygons)]
+        first, second, third = (vertices[[face[i] for face in faces]] for i in range(3))
+        normals = np.cross(second - first, third - first)
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        normals *= -np.sign(((vertices.mean(axis=0) - first) * normals).sum(axis=1))[:, None]
+        assert (points @ normals.T - (first * normals).sum(axis=1)).max() < 1e-9
