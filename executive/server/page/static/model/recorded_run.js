@@ -77,7 +77,7 @@ export class RecordedRun extends EventTarget {
     made.duration = Math.max(...times) - made.#began;
     const end = made.#began + made.duration;
     const timed = events.map((event) => ({ time_s: end, ...event })); // the last state has no time
-    timed.sort((one, other) => one.time_s - other.time_s); // a new stream repeats the current state
+    inOrder(timed); // a new stream repeats the current state
     made.#windows = [{ from_s: 0, to_s: made.duration, state: [], events: timed, previous_s: null, next_s: null }];
     for (const event of timed) made.history.add(event, event.time_s - made.#began);
     made.seek(made.duration);
@@ -180,6 +180,7 @@ export class RecordedRun extends EventTarget {
   /** @param {number} time */
   async #load(time) {
     const window = await get(`${this.#path}/events?at=${time}`);
+    inOrder(window.events); // a frame is recorded after its write, and may follow later events
     this.#windows = [...this.#windows.slice(1 - MOST_WINDOWS), window];
   }
 
@@ -219,4 +220,12 @@ export class RecordedRun extends EventTarget {
     });
     this.run.positions = Object.fromEntries(known);
   }
+}
+
+/**
+ * Sort events by their time. Those of one time keep their order.
+ * @param {any[]} events
+ */
+function inOrder(events) {
+  events.sort((one, other) => one.time_s - other.time_s);
 }
