@@ -170,9 +170,10 @@ def test_a_recording_is_found_played_and_linked(open_page: Open, page_server: Se
     tab.keyboard.type("k,.")  # which are letters there
     assert tab.input_value("#log-search") == "k,."
     assert moment(tab) == moments[-1]
-    tab.select_option("#speed", "10")
+    tab.select_option("#speed", "0.1")
     tab.click("#play")
     shows(tab, "#play", "^Pause$")
+    tab.select_option("#speed", "10")
     shows(tab, "#play", "^Play$")  # it stops at the end
     shows(tab, "#moment-words", f"^{end:.2f} of {end:.2f} s$")
     shows(tab, "#tree .row[data-status='SUCCESS'] .name", "home")
