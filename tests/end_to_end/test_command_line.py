@@ -159,7 +159,8 @@ def test_plain_text_names_the_port_first_and_the_outcome_last(tmp_path: Path, ro
 def test_a_signal_in_a_move_sends_the_hold_frame_and_no_other(
     tmp_path: Path, robot: Path, number: signal.Signals
 ) -> None:
-    with start(tmp_path, "run", "1", "--robot", str(robot), "--json") as process:
+    slow = "move", "joint_1=80deg", "--speed", "0.2", "--port", "virtual"
+    with start(tmp_path, *slow, "--robot", str(robot), "--json") as process:
         assert process.stdout
         reported = []
         for line in process.stdout:
@@ -200,6 +201,7 @@ def test_the_end_of_the_shell_changes_nothing_where_nohup_says_so(
 
 
 def test_ctrl_c_while_the_board_boots_sends_nothing(tmp_path: Path, robot: Path) -> None:
+    robot.write_text(robot.read_text().replace("boot_wait_s = 1.05", "boot_wait_s = 20.0"))
     with start(tmp_path, "run", "1", "--robot", str(robot), "--json") as process:
         assert process.stdout
         reported = []

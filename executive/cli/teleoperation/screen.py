@@ -237,7 +237,9 @@ class TeleopScreen(KeyScreen):
             self._view = replace(self._view, phase=Phase.LOST, lost=str(error))
 
     def _show(self, phase: Phase, message: str, failed: bool = False) -> None:
+        """Show a phase and a message. A lost leader stays lost."""
         with self._lock:
+            phase = self._view.phase if self._view.phase is Phase.LOST else phase
             self._view = replace(self._view, phase=phase, message=message, failed=failed)
 
 

@@ -74,7 +74,7 @@ def suspend(*_signal: object) -> None:
 def last_words(text: str) -> None:
     """Restore screen and keyboard, and print a text to standard error, before the process ends.
 
-    Gives up after 0.2 s if the terminal does not accept the text.
+    Gives up after 1 s if the terminal does not accept the text.
     """
 
     def write() -> None:
@@ -87,5 +87,5 @@ def last_words(text: str) -> None:
     thread = threading.Thread(target=write, daemon=True)
     thread.start()
     # Several waits: a stall of the whole host ends one wait without giving the thread time.
-    for _ in range(10):
+    for _ in range(50):
         thread.join(0.02)

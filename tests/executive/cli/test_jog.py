@@ -167,7 +167,7 @@ def test_a_jog_on_a_server(serve: Serve, tmp_path: Path) -> None:
 
 def between(terminal: PseudoTerminal) -> None:
     """Read until the first joint is on its way to 10 deg."""
-    while not re.search(r"joint_1 +[1-9]\.\d deg", terminal.screen):
+    while not (terminal.whole and re.search(r"joint_1 +[1-9]\.\d deg", terminal.screen)):
         assert terminal.read()
 
 

@@ -18,6 +18,7 @@ from rich.console import Console
 
 from armtree import Client
 from executive.api.events import Where
+from executive.api.outcome import GoalState
 from executive.cli.support import server_goals
 from executive.cli.support.log_handler import LogHandler
 from executive.cli.support.server_requests import status_lines
@@ -184,8 +185,14 @@ def test_a_task_by_its_name(typed: tuple[Served, Typed]) -> None:
     assert type_in("send", "-1")[0] == type_in("send", "9" * 5000)[0] == 2
 
 
+def until_executing(served: Served, goal: str) -> None:
+    """Wait until a goal is executed; before, it cannot be paused."""
+    while served.executive.goal(goal).state is not GoalState.EXECUTING:
+        continue
+
+
 def test_in_json_too(typed: tuple[Served, Typed]) -> None:
-    _, type_in = typed
+    served, type_in = typed
 
     def reported(*words: str) -> dict[str, Any]:
         (line,) = type_in(*words, "--json")[1].splitlines()
@@ -199,6 +206,7 @@ def test_in_json_too(typed: tuple[Served, Typed]) -> None:
     assert reported("break", "pick") == {"breakpoints": ["pick"]}
     assert reported("answer") == {"questions": []}
     goal = reported("send", "10")["goal_id"]
+    until_executing(served, goal)
     assert reported("pause")["goal_id"] == reported("resume", goal)["goal_id"] == goal
 
 
@@ -210,6 +218,7 @@ def test_pausing_and_canceling(typed: tuple[Served, Typed]) -> None:
     assert re.fullmatch("[0-9a-f]{32}", goal)
     assert json.loads(type_in("status", "--json")[1])["goal"]["goal_id"] == goal
     assert type_in("send", "11")[0] == 4
+    until_executing(served, goal)
     assert type_in("pause")[0] == 0
     assert re.findall(" paused| PAUSED", type_in("status")[1]) == [" PAUSED"]
     assert type_in("resume", goal)[0] == 0
@@ -217,6 +226,7 @@ def test_pausing_and_canceling(typed: tuple[Served, Typed]) -> None:
     assert type_in("cancel", goal)[1] == f"canceling {goal}\n"
     assert type_in("cancel", goal)[0] == 4
     assert type_in("cancel")[1] == "there is nothing to cancel\n"
+    served.executive.result(goal)
     goal = type_in("send", "10")[1].strip()
     stamp = json.loads(type_in("status", "--json")[1])["goal"]["stamp_ns"]
     assert type_in("cancel", "--until", str(stamp - 1))[1] == "there is nothing to cancel\n"

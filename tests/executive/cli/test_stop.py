@@ -27,9 +27,10 @@ __all__ = ["robot"]
 def run(
     tmp_path: Path, robot: Path, monkeypatch: pytest.MonkeyPatch
 ) -> Iterator["subprocess.Popen[str]"]:
-    """A run in the middle of its first motion."""
+    """A slow move."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
-    with start(tmp_path, "run", "1", "--port", "virtual", "--robot", str(robot), "--json") as run:
+    slow = "move", "joint_1=80deg", "--speed", "0.2", "--port", "virtual"
+    with start(tmp_path, *slow, "--robot", str(robot), "--json") as run:
         assert run.stdout
         while json.loads(run.stdout.readline())["event"] != "sent":
             pass
@@ -42,7 +43,7 @@ def test_stop_cancels_a_run_and_waits_for_its_end(
 ) -> None:
     status, out, error = typed(tmp_path, "stop")
     assert (status, error) == (0, "")
-    stopped = f"Stopped the arm of armtree run (process {run.pid}), which has ended\n"
+    stopped = f"Stopped the arm of armtree move (process {run.pid}), which has ended\n"
     assert out == stopped
     printed, _ = run.communicate(timeout=60)
     outcome = json.loads(printed.splitlines()[-1])
@@ -61,7 +62,7 @@ def test_stop_says_that_a_run_does_not_end(
     for _ in range(2):
         status, out, error = typed(tmp_path, "stop")
         assert (status, out) == (8, "")
-        assert f"armtree run (process {run.pid}) was asked to stop, but has not ended" in error
+        assert f"armtree move (process {run.pid}) was asked to stop, but has not ended" in error
     run.send_signal(signal.SIGCONT)
     typed(tmp_path, "stop")
     printed, _ = run.communicate(timeout=60)

@@ -214,8 +214,8 @@ def test_a_task_is_taught_by_hand_and_runs(tmp_path: Path) -> None:
         terminal.until("shoulder_lift      163.0 deg")
         terminal.type("t")
         terminal.until("shoulder_lift is at 163.0 deg", "end at 100.0", "inwards by")
-        terminal.type("f")
-        terminal.until("torque off")
+        terminal.type("f9")  # the error about 9 shows that f is done
+        terminal.until("torque off", "there is no joint 9")
         push(bus, shoulder_lift=0)
         terminal.until("shoulder_lift        0.0 deg")
         terminal.type("r")

@@ -190,7 +190,9 @@ def test_the_synchronous_client_is_made_from_the_other() -> None:
 
 
 @pytest.mark.slow
-def test_moves_of_both_clients(serve: Serve) -> None:
+def test_moves_of_both_clients(serve: Serve, monkeypatch: pytest.MonkeyPatch) -> None:
+    # A busy machine may keep a client from holding its goal for a second.
+    monkeypatch.setattr("executive.server.http.endpoints.HOLD_SECONDS", 30.0)
     served = serve()
 
     async def drive() -> None:

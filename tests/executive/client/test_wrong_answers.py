@@ -14,6 +14,7 @@ from armtree import AsyncClient, Client
 from executive.api.outcome import Cause
 from executive.client import responses
 from executive.errors import ClientError, Refused, ServerUnreachable, WrongAnswer
+from hardware import RealClock
 
 Say = Callable[[bytes], str]
 DEEP = b"[" * 100_000
@@ -207,17 +208,24 @@ def drip(request: pytest.FixtureRequest) -> Iterator[str]:
         listener.shutdown(socket.SHUT_RDWR)
 
 
+class Fast(RealClock):
+    """A clock that runs 25 times as fast, so that 10 s for an answer end after 0.4 s."""
+
+    def now(self) -> float:
+        return 25 * super().now()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("drip", SLOW, indirect=True)
 def test_a_slow_answer_has_one_deadline(drip: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("executive.client.transport.ANSWER_TIMEOUT", 0.4)
-    late = pytest.raises(ServerUnreachable, match=r"its answer takes more than 0\.4 s")
+    monkeypatch.setattr("executive.client.transport.ANSWER_TIMEOUT", 10.0)
+    late = pytest.raises(ServerUnreachable, match="its answer takes more than 10 s")
 
     async def status() -> None:
-        async with AsyncClient(drip, "x") as client:
+        async with AsyncClient(drip, "x", clock=Fast()) as client:
             await client.status()
 
-    with Client(drip, "x") as client:
+    with Client(drip, "x", clock=Fast()) as client:
         with late:
             client.status()
         with late:
@@ -229,14 +237,14 @@ def test_a_slow_answer_has_one_deadline(drip: str, monkeypatch: pytest.MonkeyPat
 @pytest.mark.slow
 @pytest.mark.parametrize("drip", ["head", "processing"], indirect=True)
 def test_the_head_of_events_has_a_deadline(drip: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("executive.client.transport.ANSWER_TIMEOUT", 0.4)
-    late = pytest.raises(ServerUnreachable, match=r"its answer takes more than 0\.4 s")
+    monkeypatch.setattr("executive.client.transport.ANSWER_TIMEOUT", 10.0)
+    late = pytest.raises(ServerUnreachable, match="its answer takes more than 10 s")
 
     async def watch() -> None:
-        async with AsyncClient(drip, "x") as client, client.events():
+        async with AsyncClient(drip, "x", clock=Fast()) as client, client.events():
             pass
 
-    with Client(drip, "x") as client, late, client.events():
+    with Client(drip, "x", clock=Fast()) as client, late, client.events():
         pass
     with late:
         asyncio.run(watch())

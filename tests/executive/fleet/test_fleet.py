@@ -114,11 +114,11 @@ def test_a_job_that_takes_too_long_is_canceled_and_its_arm_takes_the_next(url: s
     async def main() -> None:
         arm = SimulatedArm()
         async with joined(url, arm) as client:
-            job = await client.send(1, "bench", {}, end_within=0.3)
+            job = await client.send(1, "bench", {}, end_within=2.0)
             result = (await ended(client, job)).result
             assert result
             assert (result.state.name, result.code) == ("CANCELED", "fleet.too_long")
-            assert "0.3 s after it was sent" in result.message
+            assert "2 s after it was sent" in result.message
             assert result.frames == 3  # it moved until then
             arm.duration = 0.0
             after = await client.send(2, "bench", {}, end_within=60)
@@ -145,7 +145,7 @@ def test_a_failed_cancel_of_a_job_that_takes_too_long_is_repeated(
 
     async def main() -> None:
         async with joined(url, Unsteady()) as client, asyncio.timeout(10):
-            job = await client.send(1, "bench", {}, end_within=0.3)
+            job = await client.send(1, "bench", {}, end_within=2.0)
             result = (await ended(client, job)).result
             assert result
             assert (result.state.name, result.code) == ("CANCELED", "fleet.too_long")
@@ -467,7 +467,7 @@ def test_a_name_is_taken_only_while_its_worker_lives(
 def test_a_result_waits_until_the_nats_server_is_back(
     options: NatsOptions, keeps_its_disk: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("executive.fleet.connection._ANSWER_SECONDS", 0.5)
+    monkeypatch.setattr("executive.fleet.connection._ANSWER_SECONDS", 2.0)
     monkeypatch.setattr("executive.fleet.worker._PAUSE_SECONDS", 0.1)
 
     async def main() -> None:

@@ -51,7 +51,6 @@ def test_a_stop_holds_the_fleet_and_names_who_does_not_confirm(
             assert (await ended(client, queued)).state == "SUCCEEDED"
             silent = Member("bench.silent", "http://silent", "host", "e" * 32, 1)
             await client._fleet.members.put(silent.arm, to_bytes(silent))
-            monkeypatch.setattr("executive.fleet.fleet_client.STOP_SECONDS", 0.3)
             with pytest.raises(
                 NotConfirmed, match=r"2 of 3 arms confirmed stop; not .* bench\.silent;"
             ):
@@ -211,7 +210,11 @@ def test_a_stop_by_the_fleet_outlives_a_restart_of_the_worker(url: str, whom: st
     asyncio.run(main())
 
 
-def test_a_confirmed_stop_is_stored_so_that_it_outlives_a_killed_worker(url: str) -> None:
+def test_a_confirmed_stop_is_stored_so_that_it_outlives_a_killed_worker(
+    url: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("executive.fleet.worker._STORE_SECONDS", 10.0)
+
     async def main() -> None:
         async with joined(url, SimulatedArm()) as client:
             await client.stop(["bench.0"])
@@ -306,8 +309,6 @@ def test_a_stop_whose_queues_cannot_be_held_shows_its_confirmations(
 def test_a_stop_names_silent_arms_and_queues_that_are_not_held(
     url: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("executive.fleet.fleet_client.STOP_SECONDS", 0.3)
-
     async def main() -> None:
         async with joined(url, SimulatedArm()) as client:
             silent = Member("bench.silent", "http://silent", "host", "e" * 32, 1)

@@ -48,7 +48,6 @@ def options(tmp_path: Path) -> NatsOptions:
 def test_an_arm_with_its_key_runs_jobs_and_touches_no_other_arm(
     options: NatsOptions, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("executive.fleet.fleet_client.STOP_SECONDS", 0.3)
     key = {"nkeys_seed": str(options.data.parent / "arm.nkey")}
     other = Member("bench.1", "http://other", "host", "e" * 32, 1)
     job = Job("a" * 32, "bench", 1, {}, 1)

@@ -92,18 +92,23 @@ _SLOW = r"not give the file within 0\.2 s; copy recordings/1\.mcap from the mach
 
 
 @pytest.mark.parametrize(
-    ("first", "piece", "error"),
+    ("first", "piece", "longest", "error"),
     [
-        pytest.param(_OK, b"a: b\r\n", _SLOW, id="head"),
-        pytest.param(_OK + b"\r\n", b"x", _SLOW, id="slow body"),
-        pytest.param(_OK + b"\r\n", b"x" * 9000, "it has more than 8000 bytes", id="body"),
+        pytest.param(_OK, b"a: b\r\n", 0.2, _SLOW, id="head"),
+        pytest.param(_OK + b"\r\n", b"x", 0.2, _SLOW, id="slow body"),
+        pytest.param(_OK + b"\r\n", b"x" * 9000, 20.0, "it has more than 8000 bytes", id="body"),
     ],
 )
 def test_a_file_without_end_is_not_fetched(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, first: bytes, piece: bytes, error: str
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    first: bytes,
+    piece: bytes,
+    longest: float,
+    error: str,
 ) -> None:
     """Each read takes less than its limit, and nothing is left of the file."""
-    monkeypatch.setattr(programs, "_FETCH_SECONDS", 0.2)
+    monkeypatch.setattr(programs, "_FETCH_SECONDS", longest)
     monkeypatch.setattr(programs, "_MOST_FETCHED", 8000)
 
     async def send(_: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:

@@ -80,9 +80,9 @@ def test_the_tasks_of_a_bridge_follow_their_files(
             before = {each.name for each in bridge.tasks}
             changed.clear()
             new = served.tasks / "11_nothing.yaml"
-            (served.tasks / "15_later.yaml").write_text(
-                new.read_text().replace("11", "15").replace("nothing", "later")
-            )
+            later = served.folder / "15_later.yaml"
+            later.write_text(new.read_text().replace("11", "15").replace("nothing", "later"))
+            later.rename(served.tasks / later.name)  # the bridge sees no unfinished file
             await changed.wait()
             assert {each.name for each in bridge.tasks} == {*before, "later"}
             for part in parts:

@@ -74,7 +74,7 @@ class PseudoTerminal:
         return _CONTROL.sub("", self._heard.rpartition("\x1b[H")[2])
 
     @property
-    def _whole(self) -> bool:
+    def whole(self) -> bool:
         """Whether the last full screen was drawn to its end."""
         _, begin, drawn = self._heard.rpartition("\x1b[H")
         return not begin or "\x1b[J" in drawn
@@ -89,7 +89,7 @@ class PseudoTerminal:
 
     def until(self, *words: str) -> str:
         """Read until the screen shows all of these words; return it."""
-        while not (self._whole and all(each in self.screen for each in words)):
+        while not (self.whole and all(each in self.screen for each in words)):
             assert self.read(), f"{words} are not on the screen: {self.screen}"
         return self.screen
 

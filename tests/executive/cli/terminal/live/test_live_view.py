@@ -215,7 +215,7 @@ def test_a_terminal_that_cannot_show_pictures_gets_lines(
 
 
 @pytest.mark.slow
-def test_after_ctrl_c_it_is_said_what_became_of_the_run(tmp_path: Path, robot: Path) -> None:
+def test_after_ctrl_c_it_is_said_what_became_of_the_run(tmp_path: Path) -> None:
     screen, canceled = Screen(80, 24), False
 
     def cancel(screen: Screen, process: "subprocess.Popen[bytes]") -> None:
@@ -226,7 +226,7 @@ def test_after_ctrl_c_it_is_said_what_became_of_the_run(tmp_path: Path, robot: P
             canceled = True
             os.kill(process.pid, signal.SIGINT)
 
-    assert on_screen(command(tmp_path, robot, "4", "1"), screen, {}, cancel) == 7
+    assert on_screen(command(tmp_path, Path("arduinobot"), "4", "1"), screen, {}, cancel) == 7
     shown = "\n".join(screen.lines)
     assert "Canceling: the arm stops." in shown
     assert "task 4 CANCELED" in shown
