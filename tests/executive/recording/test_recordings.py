@@ -191,8 +191,9 @@ def test_a_recording_that_begins_too_late_is_the_cause(
 
 @pytest.mark.parametrize("canceled", [True, False])
 def test_a_lost_recording_is_reported_whatever_the_outcome(
-    rig: RigMaker, tmp_path: Path, canceled: bool
+    rig: RigMaker, tmp_path: Path, canceled: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
+    monkeypatch.setattr(recorder, "FSYNC_S", 60.0)  # the end finds the loss
     arm = rig()
 
     def watch(record: logs.Record) -> None:
@@ -326,6 +327,7 @@ def test_goals_wait_if_too_many_recordings_are_unfinished(
     server: RigMaker, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(recordings, "_UNFINISHED", 2)
+    monkeypatch.setattr("logs.writing.compaction_process._STOPPED", 60.0)
     arm = server(policy=Policy.QUEUE)
     pid = shared_process().pid
     os.kill(pid, signal.SIGSTOP)

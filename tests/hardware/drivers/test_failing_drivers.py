@@ -145,15 +145,16 @@ def test_a_write_that_does_not_return_blocks_no_thread_forever_and_no_later_moti
     monkeypatch: pytest.MonkeyPatch, act: Callable[[Arm], None]
 ) -> None:
     monkeypatch.setattr("hardware.arm.connection.OBSERVER_TIMEOUT", 0.02)
-    monkeypatch.setattr("hardware.link.timed_link._WAIT", 0.002)
+    monkeypatch.setattr("hardware.link.timed_link._WAIT", 0.05)
     robot = dataclasses.replace(ROBOT, serial=dataclasses.replace(ROBOT.serial, boot_wait=0.0))
     link, events = Stuck(), list[ArmEvent]()
-    arm, before = Arm(robot, link, RealClock(), events.append), set(threading.enumerate())
+    arm = Arm(robot, link, RealClock(), events.append)
     arm.configure()
     arm.activate()
+    assert arm._streamer
+    streamer = arm._streamer.thread
     playback = arm.play(motion(HOME, PICK, 4.0), nothing, "test", arm.generation)
     assert link.stuck.wait(5)
-    (streamer,) = [each for each in set(threading.enumerate()) - before if each.name == "streamer"]
     with contextlib.suppress(TransitionRefused):  # the fault was first
         act(arm)
     streamer.join(5)  # it processes the fault

@@ -43,15 +43,22 @@ def test_a_line_that_accepts_no_more_bytes(busy: bool) -> None:
 
 
 def test_a_driver_that_does_not_return(busy: bool, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("hardware.link.timed_link._WAIT", 0.002)
+    wait = "hardware.link.timed_link._WAIT"
+    monkeypatch.setattr(wait, 0.1)  # until the write begins, which a busy machine delays
     leave = threading.Event()
     driver = SerialLink("no port", 115200)
-    monkeypatch.setattr(driver, "write", lambda _: leave.wait(5))
+
+    def stick(_: bytes) -> None:
+        monkeypatch.setattr(wait, 0.002)
+        leave.wait(5)
+
+    monkeypatch.setattr(driver, "write", stick)
     link = TimedLink(driver, RealClock())
     monkeypatch.setattr(driver, "open", lambda: None)
     link.open()
     with pytest.raises(PortStalled) as stalled:
         link.write(b"b090,")
     leave.set()
+    monkeypatch.setattr(wait, 0.1)
     link.close()
     check_words(stalled.value, busy)

@@ -3,7 +3,7 @@
 import os
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import pytest
@@ -26,10 +26,12 @@ class Stuck:
     def __init__(self) -> None:
         self.leave = threading.Event()
         self.written: list[bytes] = []
+        self.entered: Callable[[], None] = lambda: None
 
     def open(self) -> None: ...
 
     def write(self, data: bytes) -> None:
+        self.entered()
         self.leave.wait(5)
         self.written.append(data)
 
@@ -43,8 +45,10 @@ class Stuck:
 def test_a_driver_that_does_not_return_is_a_stalled_port_and_sends_nothing_later(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("hardware.link.timed_link._WAIT", 0.002)
+    wait = "hardware.link.timed_link._WAIT"
+    monkeypatch.setattr(wait, 0.1)  # until the write begins, which a busy machine delays
     driver = Stuck()
+    driver.entered = lambda: monkeypatch.setattr(wait, 0.002)
     link = TimedLink(driver, RealClock())
     link.open()
     for data in (b"first", b"second"):
@@ -54,6 +58,7 @@ def test_a_driver_that_does_not_return_is_a_stalled_port_and_sends_nothing_later
         link.close()
     assert not isinstance(failed.value, PortLost)
     driver.leave.set()
+    monkeypatch.setattr(wait, 0.1)
     link.close()
     assert link._writer
     link._writer.join(5)

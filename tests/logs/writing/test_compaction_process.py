@@ -98,8 +98,10 @@ ASKER = """
 import os, signal, socket, sys
 from pathlib import Path
 from logs import Recorder, Sent
+from logs.writing import compaction_process
 from logs.writing.compaction_process import CompactionProcess
 
+compaction_process._STOPPED = 60.0
 compaction = CompactionProcess()
 os.kill(compaction.pid, signal.SIGSTOP)
 recorder = Recorder(Path(sys.argv[1]), 10**18, print)

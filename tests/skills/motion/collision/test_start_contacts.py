@@ -33,7 +33,8 @@ def planner() -> Planner:
 
 
 def query(start: Pose, goal: Pose, group: str = "arm") -> Query:
-    return Query(group, tuple(np.radians(start)), tuple(np.radians(goal)))
+    # A busy machine may need longer than the default timeout.
+    return Query(group, tuple(np.radians(start)), tuple(np.radians(goal)), timeout=60.0)
 
 
 def depths(planner: Planner, plan: Plan) -> list[float]:
