@@ -432,6 +432,8 @@ def test_a_person_is_asked_for_the_pose_when_the_arm_is_activated(shell: Shell) 
     shell.robot.write_text(text.replace("baud = ", "reset_on_open = false\nbaud = "))
     nowhere = "--port", str(shell.folder / "nowhere")
     shell.serve(*nowhere)
+    while "inactive" not in shell.type("status").stdout:
+        continue
     activating = shell.type("arm", "activate")
     assert activating.returncode == 6
     assert "give --pose boot" in activating.stderr
